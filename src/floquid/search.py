@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+
+from floquid._arrays import Floats
 
 TRIES = 12  # moves of one round that are fitted, the best predicted first: what comes later hardly ever helps
 HOPE = 2.0  # times the fall of J that a linearisation promises beyond which no fit goes
@@ -98,7 +99,7 @@ def _improved(point: P, stages: Stages[P], seen: set[tuple[Hashable, bool]], unt
     return None
 
 
-def longer(band: NDArray[np.float64], by: float, highest: float, real: bool) -> NDArray[np.float64]:
+def longer(band: Floats, by: float, highest: float, real: bool) -> Floats:
     """A band of harmonics with some more at each end, none beyond the highest; of a real multiplier upwards alone."""
     more = np.arange(1.0, by + 1.0)
     both = np.concatenate([[] if real else band[0] - more[::-1], band, band[-1] + more])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.checks._check import Evidence
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, warning
@@ -39,7 +40,7 @@ def _beside(scores: Scores) -> tuple[Finding, ...]:
     return (() if noisy else _nonlinear(by_powers, degrees)) or _driven(by_noise)
 
 
-def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
+def _moved(samples: Samples, lag: int) -> Floats:
     """The inputs some samples ago, zero where there were none (inputs, samples)."""
 
     def of(values: NDArray) -> NDArray:
@@ -131,7 +132,7 @@ def _driven(gain: float) -> tuple[Finding, ...]:
     return ()
 
 
-def _by_powers(scores: Scores) -> tuple[NDArray[np.float64], int]:
+def _by_powers(scores: Scores) -> tuple[Floats, int]:
     """Gains by squares and cubes of the response as inputs of each mode (Billings and Voon 1983) (modes,)."""
     # With them, how many numbers that is of one mode.
     # Less what is linear beside the response that repeats with the period: that is of harmonics of a linear system, and
@@ -150,7 +151,7 @@ def _by_powers(scores: Scores) -> tuple[NDArray[np.float64], int]:
     return scores.by_inputs(asked, powers), 2 * len(powers)
 
 
-def _nonlinear(gains: NDArray[np.float64], degrees: int) -> tuple[Finding, ...]:
+def _nonlinear(gains: Floats, degrees: int) -> tuple[Finding, ...]:
     """Finding on squares and cubes of the response that drive the modes as inputs would."""
     limit = chi2_limit(degrees, BENT / max(len(gains), 1))
     if gains.max(initial=0.0) < limit:

@@ -7,8 +7,8 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid.checks._check import Evidence, is_undetermined
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
@@ -33,7 +33,7 @@ STILL = 10.0  # radians that a mode turns, and nepers that it decays, in a recor
 
 
 def excitation_of(
-    fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, as_read: Collection[int]
+    fit: Fit, model: PeriodicModel, relative: Floats, duration: float, as_read: Collection[int]
 ) -> tuple[Finding, ...]:
     """Findings on the modes: how long a record their damping needs, which may be the excitation's, which nearly one."""
     # Whether a pair of one harmonic is two real multipliers does not matter: it is the excitation's own.
@@ -96,11 +96,7 @@ def excitation_of(
 
 
 def _no_estimates(
-    fit: Fit,
-    model: PeriodicModel,
-    shares: NDArray[np.float64],
-    certain: NDArray[np.bool_],
-    groups: Sequence[NDArray[np.int64]],
+    fit: Fit, model: PeriodicModel, shares: Floats, certain: Mask, groups: Sequence[Integers]
 ) -> list[Finding]:
     """Findings on modes whose fit is no maximum, or whose decay is not determined."""
     # Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
@@ -118,14 +114,14 @@ def _no_estimates(
     return findings
 
 
-def _away(fit: Fit) -> NDArray[np.float64]:
+def _away(fit: Fit) -> Floats:
     """The distance of each exponent from the multiples of iω, where an offset and what repeats is (modes,) [1/s]."""
     omega = fit.samples.fundamental
     rates = np.array([complex(mode.exponent.real, mode.exponent.imag + mode.axis * omega) for mode in fit.at.modes])
     return np.abs(rates - 1j * omega * np.rint(rates.imag / omega))
 
 
-def _own(fit: Fit) -> NDArray[np.bool_]:
+def _own(fit: Fit) -> Mask:
     """True of modes that are the system's: driven by a measured input, or with a negative multiplier (modes,)."""
     # Coloured excitation is driven by none, and what decays in it without turning has a positive one.
     from scipy.special import chdtrc
@@ -140,7 +136,7 @@ def _own(fit: Fit) -> NDArray[np.bool_]:
     return np.array(certain)
 
 
-def _not_apart(fit: Fit, std: NDArray[np.float64], lasting: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+def _not_apart(fit: Fit, std: Floats, lasting: Mask) -> list[Integers]:
     """Pairs of modes that outlast a period and that their deviations (modes,) do not separate."""
     modes, omega = fit.at.modes, fit.samples.fundamental
     return [
@@ -150,7 +146,7 @@ def _not_apart(fit: Fit, std: NDArray[np.float64], lasting: NDArray[np.bool_]) -
     ]
 
 
-def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArray[np.float64]) -> bool:
+def _one(fit: Fit, model: PeriodicModel, group: Integers, shares: Floats) -> bool:
     """True where modes that outlast a period are nearer to each other than their deviations: a copy may be false."""
     modes = [fit.at.modes[number] for number in group]
     lasting = any(-mode.exponent.real * model.period < GONE for mode in modes)

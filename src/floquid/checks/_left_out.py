@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.checks._check import REMAINDER, Evidence, strongest
@@ -109,12 +108,12 @@ def _worst(squares: Floats, numbers: Integers, alarm: float, least: float) -> tu
     return float(ratio[place]), float(limit[place]), place
 
 
-def quiet_for(inputs: NDArray[np.float64]) -> int:
+def quiet_for(inputs: Floats) -> int:
     """Samples at the start of a record in which no input moves; none where none ever does."""
     return int((inputs != inputs[:, :1]).any(axis=0).argmax())
 
 
-def without_last(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
+def without_last(samples: Samples) -> tuple[Samples, Mask]:
     """The samples, those after the first three quarters of each record not measured, and the mask of the others."""
     # They are not cut off: the states of modes that grow are followed backwards, from the end of each record.
     mask = first_part(samples)[1]
@@ -122,7 +121,7 @@ def without_last(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
     return replace(samples, values=samples.values * fitted, known=samples.known * fitted, there=fitted), mask
 
 
-def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
+def first_part(samples: Samples) -> tuple[Samples, Mask]:
     """The first three quarters of each record, and their mask over the samples of all (samples,)."""
     # What is at its begin before any input moves is none of the four: a model needs inputs.
     kept = []

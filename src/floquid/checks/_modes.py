@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._arrays import Mask
+from floquid._arrays import Complexes, Mask
 from floquid.checks._check import REMAINDER, Evidence, is_undetermined, strongest
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
@@ -126,7 +125,7 @@ def undetermined_of(model: PeriodicModel) -> tuple[Finding, ...]:
     return (failure("undetermined"),) if vague else ()
 
 
-def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
+def _halved(model: PeriodicModel, std: Complexes) -> bool:
     """True where half of the modes have a partner of equal decay at an odd number of half fundamentals."""
     gap = model.exponents[:, None] - model.exponents[None, :]
     deviation = np.hypot(std.real[:, None], std.real[None, :]), np.hypot(std.imag[:, None], std.imag[None, :])
@@ -140,7 +139,7 @@ def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
     return bool(2 * (apart & alike & ~itself).any(axis=1).sum() >= max(model.order, 1))
 
 
-def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
+def _still(model: PeriodicModel, std: Complexes) -> list[Finding]:
     """Components that are most likely a forced response, of one period or of two."""
     steady = np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
     steady &= np.abs(model.exponents.real) < DEVIATIONS * std.real + ROUNDING * model.fundamental

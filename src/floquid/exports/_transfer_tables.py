@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, wrong_value
 from floquid._json import for_json
 from floquid.core import Channel
@@ -141,7 +141,7 @@ def transfer_rows(found: TransferFunctions) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _parts(values: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
+def _parts(values: Complexes) -> list[Floats]:
     """Real and imaginary part, both NaN of what is missing: its imaginary part may be 0."""
     return [np.where(np.isfinite(values), part, np.nan) for part in (values.real, values.imag)]
 

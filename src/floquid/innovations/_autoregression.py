@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid.errors import IdentificationError
 from floquid.inputs import Samples
 
@@ -20,7 +20,7 @@ HARMONICS = (0, 1, 2)  # harmonics of the coefficients that are tried
 MOST = 0.05  # numbers that are fitted over the rows that tell them, at most: of one channel for coefficients
 
 
-def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:
+def first_innovations(samples: Samples, acting: int = 0) -> Floats:
     r"""Innovations (channels, samples) by least squares on the samples before, zero at the start of each record.
 
     .. math:: y_k = \sum_{j \ge 1} \alpha_j(t_k)\, y_{k-j} + \sum_{j \ge 0} \beta_j(t_k)\, u_{k-j} + e_k
@@ -41,7 +41,7 @@ def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:
     )
 
 
-def _least(samples: Samples, tried: Sequence[int], acting: int) -> NDArray[np.float64] | None:
+def _least(samples: Samples, tried: Sequence[int], acting: int) -> Floats | None:
     """The innovations by the lags and harmonics of the least criterion; None where each has too many coefficients."""
     best, found = np.inf, None
     for harmonics in HARMONICS:
@@ -77,9 +77,7 @@ def _width(samples: Samples, lags: int, harmonics: int, acting: int) -> int:
     return len(samples.known) + (1 + 2 * harmonics) * late
 
 
-def _regressors(
-    samples: Samples, lags: int, harmonics: int, acting: int
-) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def _regressors(samples: Samples, lags: int, harmonics: int, acting: int) -> Iterator[tuple[slice, Floats]]:
     """Known columns, inputs that act at once, and samples and inputs before, all but the first turned (…, samples)."""
     for parts in samples.parts(_width(samples, lags, harmonics, acting)):
         for own in parts:
@@ -90,7 +88,7 @@ def _regressors(
             yield own, np.concatenate([part.known, late, *modulated])
 
 
-def past_of(samples: Samples, own: slice, begin: int, lags: int) -> NDArray[np.float64]:
+def past_of(samples: Samples, own: slice, begin: int, lags: int) -> Floats:
     """Samples and inputs 1 to `lags` samples before those of a part, zero before a record begins (…, samples)."""
     first, count = max(own.start - lags, begin), own.stop - own.start
     before = [signals[:, first : own.stop - 1] for signals in (samples.values, samples.inputs)]
@@ -98,7 +96,7 @@ def past_of(samples: Samples, own: slice, begin: int, lags: int) -> NDArray[np.f
     return np.concatenate([signals[:, lags - lag : lags - lag + count] for lag in range(1, lags + 1)])
 
 
-def whole_past(samples: Samples, lags: int) -> NDArray[np.bool_]:
+def whole_past(samples: Samples, lags: int) -> Mask:
     """Mask of the samples that were measured with those `lags` before in their record (samples,)."""
     found = samples.there.copy()
     for own in samples.records:

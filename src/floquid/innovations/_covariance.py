@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK
+from floquid._arrays import BLOCK, Complexes, Floats, Mask
 from floquid._checks import Rebuilt
 from floquid.fit import CHUNK, FEW_STEPS, IN_VAIN, LAGS
 from floquid.innovations._mode import Mode
@@ -25,9 +25,7 @@ SETTLED = 1e-4  # until the gain of a period differs from that of the one before
 SMALL = 0.03  # the share of the largest harmonic of a gain below which one at an end is left out
 
 
-def stable_gains(
-    samples: Samples, modes: Sequence[Mode], covariance: NDArray[np.float64], highest: float
-) -> list[Mode]:
+def stable_gains(samples: Samples, modes: Sequence[Mode], covariance: Floats, highest: float) -> list[Mode]:
     r"""Modes with the gains of the stable predictor of the same spectrum, innovations of a covariance driving them.
 
     .. math:: P_{k+1} = \Lambda P_k \Lambda^T + K R K^T - \tilde K_k S_k \tilde K_k^T, \quad
@@ -96,25 +94,25 @@ def reweighed(samples: Samples, at: Predictor) -> Predictor:
 class Whitening(Rebuilt):
     """W of samples (samples, channels, channels), formed where it is asked for by a slice or a mask."""
 
-    angle: NDArray[np.complex128]  # e^{iωt} (samples,)
-    there: NDArray[np.bool_]  # Mask of the samples that were measured (samples,)
+    angle: Complexes  # e^{iωt} (samples,)
+    there: Mask  # Mask of the samples that were measured (samples,)
     # φ of each channel (columns, channels before it), and log d (columns,), of the columns of `_columns`
-    shares: tuple[NDArray[np.float64], ...]
-    deviations: tuple[NDArray[np.float64], ...]
+    shares: tuple[Floats, ...]
+    deviations: tuple[Floats, ...]
 
     def __post_init__(self) -> None:
         sealed(self)
 
-    def __getitem__(self, own: slice | NDArray[np.bool_]) -> NDArray[np.float64]:
+    def __getitem__(self, own: slice | Mask) -> Floats:
         if len(self.there) * len(self.shares) ** 2 < BLOCK:
             return self._all[own]
         return self._of(self.angle[own], self.there[own])
 
     @cached_property
-    def _all(self) -> NDArray[np.float64]:
+    def _all(self) -> Floats:
         return self._of(self.angle, self.there)
 
-    def _of(self, angle: NDArray[np.complex128], there: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def _of(self, angle: Complexes, there: Mask) -> Floats:
         found = np.zeros((len(angle), len(self.shares), len(self.shares)))
         columns = _columns(angle, max(map(len, self.deviations)) // 2)
         for channel, (shares, deviations) in enumerate(zip(self.shares, self.deviations, strict=True)):
@@ -126,7 +124,7 @@ class Whitening(Rebuilt):
         return found
 
 
-def _columns(angle: NDArray[np.complex128], harmonics: int) -> NDArray[np.float64]:
+def _columns(angle: Complexes, harmonics: int) -> Floats:
     """One, and real and imaginary part of each harmonic (columns, samples)."""
     found, turned = np.ones((1 + 2 * harmonics, len(angle))), angle
     for place in range(1, 2 * harmonics, 2):
@@ -135,7 +133,7 @@ def _columns(angle: NDArray[np.complex128], harmonics: int) -> NDArray[np.float6
     return found
 
 
-def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> Whitening:
+def whitening_of(samples: Samples, innovations: Floats) -> Whitening:
     r"""W of innovations (channels, samples): that of W e is constant along a period.
 
     .. math:: e_i = \sum_{j < i} \varphi_{ij}(t)\, e_j + d_i(t)\, \varepsilon_i, \qquad W = D^{-1} (1 - \Phi)
@@ -167,9 +165,7 @@ def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> Whitenin
     return Whitening(angle, there, shares, deviations)
 
 
-def _fitted(
-    own: NDArray[np.float64], others: NDArray[np.float64], columns: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _fitted(own: Floats, others: Floats, columns: Floats) -> tuple[Floats, Floats]:
     """Shares of other signals (columns, others) in a signal, and the logarithm of the variance beside (columns,)."""
     logs, count = np.zeros(len(columns)), len(columns) * len(others)
     shares, length = np.zeros((len(columns), len(others))), max(BLOCK // max(count, 1), CHUNK)
@@ -189,7 +185,7 @@ def _fitted(
     return np.asarray(shares, np.float64), np.asarray(logs, np.float64)
 
 
-def _log_variance(squares: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+def _log_variance(squares: Floats, columns: Floats) -> Floats:
     """The logarithm of a variance that is a sum of columns, by squares (columns,)."""
     inverse, found = np.linalg.inv(columns @ columns.T), np.zeros(len(columns))
     found[0], logs = np.log(squares.mean()), np.log(squares + 1e-300)

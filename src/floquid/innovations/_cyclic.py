@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import Rebuilt
 from floquid.fit import CHUNK, DEVIATIONS, LAGS, SURE, chi2_limit, inverse_root
 from floquid.innovations._autoregression import past_of, whole_past
@@ -67,7 +67,7 @@ def repetition(samples: Samples) -> Repetition:
     highest = max(min(HARMONICS, int(0.5 * per_turn / (1.0 + WIDEST))), 1)
     step = per_turn / (FINE * longest * highest)
 
-    def at(turns: range, shifts: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(turns: range, shifts: Floats) -> Floats:
         places = [np.rint(turn * padded / (per_turn * (1.0 + shifts))).astype(int) for turn in turns]
         return np.sum([scores[np.minimum(place, len(scores) - 1)] for place in places], axis=0)
 
@@ -103,7 +103,7 @@ def repetition(samples: Samples) -> Repetition:
 class _Past:
     """Signals of all samples before, combined to be independent of one another, formed part by part of the samples."""
 
-    def __init__(self, samples: Samples, values: NDArray[np.float64], lags: int) -> None:
+    def __init__(self, samples: Samples, values: Floats, lags: int) -> None:
         self._samples, self._lags, self.used = replace(samples, values=values), lags, np.ones(samples.n_samples, bool)
         if samples.count < samples.n_samples:
             self.used = whole_past(samples, lags)
@@ -118,17 +118,17 @@ class _Past:
         """Number of the signals."""
         return self._root.shape[1]
 
-    def __iter__(self) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    def __iter__(self) -> Iterator[tuple[slice, Floats]]:
         """Parts of the samples, and the signals there (signals, samples)."""
         return self._of(self._root)
 
-    def _of(self, root: NDArray[np.float64]) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    def _of(self, root: Floats) -> Iterator[tuple[slice, Floats]]:
         for parts in self._samples.parts(2 * len(root)):
             for own in parts:
                 past = past_of(self._samples, own, parts[0].start, self._lags)
                 yield own, root.T @ (past * self.used[own])
 
-    def few_at_a_time(self) -> Iterator[NDArray[np.float64]]:
+    def few_at_a_time(self) -> Iterator[Floats]:
         """Few of the signals over all samples, as many as there are outputs, then the next (signals, samples)."""
         step = len(self._samples.values)
         for first in range(0, self.count, step):
@@ -139,7 +139,7 @@ class _Past:
             yield found
 
 
-def _residuals(samples: Samples) -> tuple[NDArray[np.float64], _Past]:
+def _residuals(samples: Samples) -> tuple[Floats, _Past]:
     """Residuals of an autoregression of constant coefficients, each white (outputs, samples), and its regressors."""
     values, signals = samples.moving, len(samples.values) + len(samples.inputs)
     past = _Past(samples, values, max(min(LAGS, CHUNK // (len(values) * signals)), 2))
@@ -152,7 +152,7 @@ def _residuals(samples: Samples) -> tuple[NDArray[np.float64], _Past]:
     return _white(left), past
 
 
-def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: float) -> bool:
+def left_over(samples: Samples, innovations: Floats, frequency: float) -> bool:
     """Test if innovations of a model (outputs, samples) turn with the past at a frequency [rad/s]."""
     # The score of `repetition` at one frequency, of a model that takes account of all that is narrow: a response whose
     # lines alone are narrow leaves nothing.
@@ -188,11 +188,11 @@ def turned_records(samples: Samples) -> list[int]:
     return found
 
 
-def _white(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _white(signals: Floats) -> Floats:
     """Signals combined to be independent of one another, with an rms of 1, without directions that are rounding."""
     return _whitener(signals @ signals.T / signals.shape[1]).T @ signals
 
 
-def _whitener(squares: NDArray[np.float64]) -> NDArray[np.float64]:
+def _whitener(squares: Floats) -> Floats:
     """Combinations that make signals white, by the means of their products (signals, combinations)."""
     return inverse_root(squares, 1e-12)

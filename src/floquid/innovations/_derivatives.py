@@ -7,15 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.fit import CHUNK, ROUNDING
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, carried_on, matrices, numbers_of, turning
 from floquid.inputs import Samples
 
 
-def slopes(
-    samples: Samples, at: Predictor, root: Callable[[slice], NDArray[np.float64]]
-) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def slopes(samples: Samples, at: Predictor, root: Callable[[slice], Floats]) -> Iterator[tuple[slice, Floats]]:
     """Derivatives of W e by all parameters (samples, channels, parameters), in parts."""
     size, width, channels = at.initial.shape[1], width_of(at), len(samples.values)
     states = np.zeros((CHUNK + 1, size + channels, width))
@@ -47,8 +46,8 @@ def width_of(at: Predictor) -> int:
 
 
 def _chunks(
-    samples: Samples, at: Predictor, root: Callable[[slice], NDArray[np.float64]], parts: Sequence[slice]
-) -> Iterator[tuple[slice, Samples, NDArray[np.float64], NDArray[np.float64]]]:
+    samples: Samples, at: Predictor, root: Callable[[slice], Floats], parts: Sequence[slice]
+) -> Iterator[tuple[slice, Samples, Floats, Floats]]:
     """Few samples of a record at a time, with the matrices that carry derivatives on, and those that weigh them."""
     # Below the derivatives of the states are those of what each channel holds beside them: one product serves for both.
     for wide in parts:
@@ -63,7 +62,7 @@ def _chunks(
             yield own, whole.part(inner), ahead[inner], white[inner]
 
 
-def held_signals(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, NDArray[np.float64]]]:
+def held_signals(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, Floats]]:
     """Signals that each channel holds a share of in a part, and the place of the shares (signals, samples)."""
     # Shares of the first channel come first.
     place = row = 0
@@ -80,12 +79,12 @@ def held_signals(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int
     yield place, part.known
 
 
-def _states(mode: Mode, rows: NDArray[np.float64]) -> list[NDArray]:
+def _states(mode: Mode, rows: Floats) -> list[NDArray]:
     """The state of a pair as one that is complex, real ones each for itself, of rows (samples, rows)."""
     return list(rows.T) if mode.real else [rows[:, 0] + 1j * rows[:, 1]]
 
 
-def forces(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, slice, NDArray[np.float64]]]:
+def forces(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, slice, Floats]]:
     """Signals that exponents and gains add to the next state in a part: its row, the parameters, (samples, those)."""
     drives = np.concatenate([part.inputs, at.innovations[:, own]])
     place = row = 0
@@ -104,7 +103,7 @@ def forces(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, slic
         row += mode.rows
 
 
-def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArray[np.float64]:
+def gradient(samples: Samples, at: Predictor, of: Floats) -> Floats:
     """-JᵀR⁻¹v by all parameters, of the innovations or of other signals v (channels, samples) (parameters,)."""
     # The adjoint of the predictor runs backwards once, whatever the number of parameters.
     found, begun = [np.zeros(sum(mode.sizes)) for mode in at.modes], np.zeros(at.initial.shape)
@@ -126,14 +125,7 @@ def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArra
     return np.concatenate([*found, by_columns.ravel(), begun.ravel()])
 
 
-def _pulled(
-    found: Sequence[NDArray[np.float64]],
-    part: Samples,
-    at: Predictor,
-    own: slice,
-    behind: NDArray[np.float64],
-    shares: NDArray[np.float64],
-) -> None:
+def _pulled(found: Sequence[Floats], part: Samples, at: Predictor, own: slice, behind: Floats, shares: Floats) -> None:
     """Add a part's share to the gradient by the parameters of each mode, by the adjoint (samples, states)."""
     drives, row = np.concatenate([part.inputs, at.innovations[:, own]]), 0
     for mode, gradient_of_mode in zip(at.modes, found, strict=True):

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, describe, input_error, integer, wrong_value
@@ -91,15 +90,13 @@ def _check(samples: object, of: str) -> None:
         raise input_error("samples", of, "be the samples of a result", f"are {describe(samples)}", remedy)
 
 
-def _turns(harmonics: int, of: str) -> NDArray[np.int64]:
+def _turns(harmonics: int, of: str) -> Integers:
     """-M to M."""
     most = integer(harmonics, "harmonics", of, at_least=0)
     return np.arange(-most, most + 1)
 
 
-def _averaged(
-    samples: Samples, turns: NDArray[np.int64], window: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.complex128], int]:
+def _averaged(samples: Samples, turns: Integers, window: Floats) -> tuple[Floats, Complexes, int]:
     """Frequencies on both sides (lines,) [Hz], the mean of the products of spectra in segments, and their number."""
     from scipy.signal import ShortTimeFFT
 
@@ -114,7 +111,7 @@ def _averaged(
     return np.asarray(transform.f, np.float64), np.asarray(total / segments, np.complex128), segments
 
 
-def modulated(samples: Samples, turns: NDArray[np.int64]) -> NDArray[np.complex128]:
+def modulated(samples: Samples, turns: Integers) -> Complexes:
     """Outputs without what is known beside the modes, times e^{-imωt} (harmonics · channels, samples)."""
     rest = samples.values - np.linalg.lstsq(samples.known.T, samples.values.T, rcond=None)[0].T @ samples.known
     return np.concatenate([samples.turned(-float(turn)) * rest for turn in turns.tolist()])
@@ -185,7 +182,7 @@ def _whole_period(samples: Samples) -> int:
     return round(per_turn)
 
 
-def _by_spectra(samples: Samples, harmonics: int, phases: int, lags: int) -> NDArray[np.float64]:
+def _by_spectra(samples: Samples, harmonics: int, phases: int, lags: int) -> Floats:
     """Correlations of the modulated outputs at whole periods from 1 on, real parts, then imaginary ones."""
     window = np.zeros((SEGMENT + 1) * lags * phases)
     window[: SEGMENT * lags * phases] = 1.0
@@ -196,7 +193,7 @@ def _by_spectra(samples: Samples, harmonics: int, phases: int, lags: int) -> NDA
     return np.concatenate([found.real, found.imag], axis=1)
 
 
-def _lifted(samples: Samples, phases: int, lags: int) -> NDArray[np.float64]:
+def _lifted(samples: Samples, phases: int, lags: int) -> Floats:
     """Correlations of the lifted outputs at 1 to `lags` periods (outputs, outputs, lags)."""
     rest = modulated(samples, np.zeros(1, np.int64)).real
     total, count = np.zeros((lags, phases * len(rest), phases * len(rest))), 0

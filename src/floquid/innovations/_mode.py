@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt
 from floquid.inputs import parts_of, slopes_along_square
 from floquid.search import longer
@@ -30,11 +31,11 @@ class Mode(Rebuilt):
     exponent: complex  # λ [1/s]
     real: bool  # True for a real multiplier
     # The harmonics m, ascending (turns,), and s (channels, turns)
-    turns: NDArray[np.float64]
-    shape: NDArray[np.complex128]
+    turns: Floats
+    shape: Complexes
     # The harmonics l, ascending (reach,), and g (inputs + channels, reach)
-    reach: NDArray[np.float64]
-    gains: NDArray[np.complex128]
+    reach: Floats
+    gains: Complexes
     square: float | None = None  # q of a block [1/s²], whose exponent is σ; its states are real
 
     @property
@@ -53,12 +54,12 @@ class Mode(Rebuilt):
         return self.rows, 2 * self.gains.size, 2 * self.shape.size
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Floats:
         """Parameters of gains and shape, zero for the exponent (parameters,)."""
         parts = [np.ravel(part) for own in (self.gains, self.shape) for part in (own.real, own.imag)]
         return np.concatenate([np.zeros(self.rows), *parts])
 
-    def moved(self, step: NDArray[np.float64]) -> Mode:
+    def moved(self, step: Floats) -> Mode:
         """With the parameters moved by a step: λ, or σ and q, gains, shape, real parts before imaginary ones."""
         of_exponent, of_gains, of_shape = np.split(step, np.cumsum(self.sizes)[:2])
         return replace(
@@ -69,14 +70,14 @@ class Mode(Rebuilt):
             shape=self.shape + as_complex(of_shape).reshape(self.shape.shape),
         )
 
-    def transition(self, step: float) -> NDArray[np.float64]:
+    def transition(self, step: float) -> Floats:
         """The real states after a step, by those before (rows, rows)."""
         if self.square is None:
             decay = np.exp(self.exponent * step)
             return np.array([[decay.real, -decay.imag], [decay.imag, decay.real]])[: self.rows, : self.rows]
         return _of_block(parts_of(self._ahead(step), self.square, 1.0 / step), self.square)
 
-    def transition_slopes(self, step: float) -> NDArray[np.float64]:
+    def transition_slopes(self, step: float) -> Floats:
         """Derivatives of the transition by Re λ and Im λ, or by σ and q (rows, rows, rows)."""
         late = step * self.transition(step)
         if self.square is None:
@@ -91,7 +92,7 @@ class Mode(Rebuilt):
     def _ahead(self, step: float) -> Callable[[complex], NDArray]:
         return lambda root: np.asarray(np.exp((self.exponent + root) * step))
 
-    def widened(self, turns: NDArray[np.float64], reach: NDArray[np.float64]) -> Mode:
+    def widened(self, turns: Floats, reach: Floats) -> Mode:
         """With these harmonics, zero where there were none (turns,), (reach,)."""
         return replace(
             self,
@@ -139,19 +140,19 @@ class Mode(Rebuilt):
         return replace(self, gains=self.gains / by, shape=self.shape * by)
 
 
-def _of_block(parts: NDArray, square: float) -> NDArray[np.float64]:
+def _of_block(parts: NDArray, square: float) -> Floats:
     """The product with a number of two parts as a matrix of both states (2, 2)."""
     even, odd = np.real(parts)
     return np.array([[even, square * odd], [odd, even]])
 
 
-def as_complex(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
+def as_complex(parts: Floats) -> Complexes:
     """Complex numbers of their real parts and then their imaginary ones (parts,)."""
     half = len(parts) // 2
     return parts[:half] + 1j * parts[half:]
 
 
-def _placed(old: NDArray[np.float64], values: NDArray, new: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _placed(old: Floats, values: NDArray, new: Floats) -> Complexes:
     found = np.zeros((len(values), len(new)), complex)
     kept = np.isin(old, new)
     found[:, np.searchsorted(new, old[kept])] = values[:, kept]

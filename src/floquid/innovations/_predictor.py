@@ -14,9 +14,8 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK
+from floquid._arrays import BLOCK, Complexes, Floats, Mask
 from floquid._checks import Rebuilt
 from floquid.fit import LAGS, schwarz
 from floquid.innovations._mode import Mode
@@ -29,7 +28,7 @@ MEMORY = 64  # samples after a gap at which it is taken for forgotten, beside it
 class Weights(Protocol):
     """Matrices of samples, of some of these by a slice or a mask (samples, channels, channels)."""
 
-    def __getitem__(self, own: slice | NDArray[np.bool_], /) -> NDArray[np.float64]: ...
+    def __getitem__(self, own: slice | Mask, /) -> Floats: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,16 +36,16 @@ class Predictor(Rebuilt):
     """Modes, coefficients of the known columns and first states, with the innovations that they leave."""
 
     modes: tuple[Mode, ...]  # The modes
-    columns: NDArray[np.float64]  # Coefficients of the known columns (channels, columns)
-    initial: NDArray[np.float64]  # The state at the first sample of each record (records, states)
-    innovations: NDArray[np.float64]  # e (channels, samples)
-    states: NDArray[np.float64]  # s (samples, states)
+    columns: Floats  # Coefficients of the known columns (channels, columns)
+    initial: Floats  # The state at the first sample of each record (records, states)
+    innovations: Floats  # e (channels, samples)
+    states: Floats  # s (samples, states)
     # W of some samples (samples, channels, channels): the covariance of e varies, that of W e is R. The geometric mean
     # of its determinants is 1.
     whitening: Weights
     count: int  # Samples that were measured; at others e is zero: the state goes on without an innovation
     # T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps
-    scales: NDArray[np.float64] | None = None
+    scales: Floats | None = None
 
     @cached_property
     def kept(self) -> dict[str, Any]:
@@ -54,32 +53,32 @@ class Predictor(Rebuilt):
         return {}
 
     @property
-    def level(self) -> NDArray[np.float64]:
+    def level(self) -> Floats:
         """Innovations, those after gaps made as small as others (channels, samples)."""
         e = self.innovations
         return e if self.scales is None else np.einsum("kij,jk->ik", self.scales, e)
 
     @property
-    def noise(self) -> NDArray[np.float64]:
+    def noise(self) -> Floats:
         """The rms of the innovations (channels, 1)."""
         return np.sqrt(np.sum(self.level**2, axis=1, keepdims=True) / self.count)
 
     @cached_property
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Floats:
         """R, of W e (channels, channels)."""
         white = _weighted(self.whitening.__getitem__, self.level)
         return white @ white.T / self.count
 
     @cached_property
-    def _factor(self) -> NDArray[np.float64]:
+    def _factor(self) -> Floats:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)), np.float64)
 
-    def root(self, own: slice = slice(None)) -> NDArray[np.float64]:
+    def root(self, own: slice = slice(None)) -> Floats:
         """Factor that makes innovations white and of variance 1, of some samples (samples, channels, channels)."""
         root = np.asarray(self._factor @ self.whitening[own], np.float64)
         return root if self.scales is None else root @ self.scales[own]
 
-    def white(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    def white(self, signals: Floats) -> Floats:
         """Signals as weighted in the likelihood (channels, samples)."""
         return _weighted(self.root, signals)
 
@@ -105,7 +104,7 @@ class Predictor(Rebuilt):
         return self.columns.size + self.initial.size + sum(_free(mode) for mode in self.modes)
 
 
-def _weighted(of: Callable[[slice], NDArray[np.float64]], signals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _weighted(of: Callable[[slice], Floats], signals: Floats) -> Floats:
     """The product of matrices of each sample, formed of some at a time, with signals (channels, samples)."""
     found, length = np.empty(signals.shape), max(BLOCK // len(signals) ** 2, 1)
     for first in range(0, signals.shape[1], length):
@@ -124,12 +123,12 @@ def _free(mode: Mode) -> int:
 def predicted(
     samples: Samples,
     modes: Sequence[Mode],
-    columns: NDArray[np.float64],
-    initial: NDArray[np.float64],
+    columns: Floats,
+    initial: Floats,
     whitening: Weights | None = None,
     *,
     growing: bool = False,
-    scales: NDArray[np.float64] | None = None,
+    scales: Floats | None = None,
 ) -> Predictor | None:
     """The predictor with its innovations, of one covariance if not given; None where it diverges.
 
@@ -162,7 +161,7 @@ def predicted(
     return Predictor(tuple(modes), columns, initial, innovations, states, whitening, samples.count, scales)
 
 
-def responding(samples: Samples, at: Predictor, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
+def responding(samples: Samples, at: Predictor, innovations: Floats) -> Floats:
     """Outputs of the modes of a predictor with other innovations (channels, samples), from its first states on."""
     found = at.columns @ samples.known + innovations
     for state, parts in zip(at.initial, samples.parts(numbers_of(samples, at.modes)), strict=True):
@@ -180,9 +179,7 @@ def numbers_of(samples: Samples, modes: Sequence[Mode]) -> int:
     return 2 * (sum(mode.rows for mode in modes) + len(samples.values)) ** 2
 
 
-def carried_on(
-    first: NDArray[np.float64], transitions: NDArray[np.float64], drive: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def carried_on(first: Floats, transitions: Floats, drive: Floats) -> tuple[Floats, Floats]:
     """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of all T."""
     # Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
     # their begins follow one from the other, and each is run again from its own.
@@ -218,9 +215,7 @@ def rebuilt(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> Predicto
     return predicted(samples, modes, now.columns, initial, now.whitening)
 
 
-def matrices(
-    samples: Samples, modes: Sequence[Mode]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def matrices(samples: Samples, modes: Sequence[Mode]) -> tuple[Floats, Floats, Floats, Floats]:
     """Λ (states, states), K (samples, states, channels), C (samples, channels, states), Bu (samples, states)."""
     count, size = samples.n_samples, sum(mode.rows for mode in modes)
     inputs, channels = len(samples.inputs), len(samples.values)
@@ -244,23 +239,19 @@ def matrices(
     return system, along[..., inputs:], shapes, np.einsum("kri,ik->kr", along[..., :inputs], samples.inputs)
 
 
-def _by_state(mode: Mode, values: NDArray[np.complex128], second: complex) -> NDArray[np.complex128]:
+def _by_state(mode: Mode, values: Complexes, second: complex) -> Complexes:
     """Gains or a shape of each real state (rows, signals, turns); that of a pair's second one is `second` times it."""
     if mode.real:
         return values.reshape(mode.rows, -1, values.shape[1])
     return np.array([values, second * values])
 
 
-def turning(samples: Samples, turns: NDArray[np.float64]) -> NDArray[np.complex128]:
+def turning(samples: Samples, turns: Floats) -> Complexes:
     """e^{imωt} of some harmonics (turns, samples)."""
     return np.array([samples.turned(turn) for turn in turns.tolist()]).reshape(len(turns), -1)
 
 
-def scales_of(
-    samples: Samples,
-    matrices: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
-    innovations: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def scales_of(samples: Samples, matrices: tuple[Floats, Floats, Floats], innovations: Floats) -> Floats:
     r"""T (samples, channels, channels) that makes innovations after gaps as small as others, of the form Λ, K and C.
 
     .. math:: P^+ = (\Lambda - K C) P (\Lambda - K C)^T, \qquad S = C P C^T + R, \qquad T S T^T = R
@@ -293,7 +284,7 @@ def scales_of(
     return np.asarray(np.linalg.cholesky(covariance) @ np.linalg.inv(np.linalg.cholesky(spreads)), np.float64)
 
 
-def _calm(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
+def _calm(samples: Samples, innovations: Floats) -> Floats:
     """The covariance of innovations far from gaps, of all where hardly any are."""
     used = samples.there.copy()
     for begin, end in samples.gaps:

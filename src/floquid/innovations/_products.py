@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.innovations._mode import Mode, as_complex
 from floquid.innovations._predictor import Predictor
 from floquid.inputs import Samples
@@ -63,8 +64,8 @@ def as_real(samples: Samples, now: Predictor, modes: Sequence[Mode], half: float
     """Replace pairs near their axis by `count` real multipliers, by the first products of shape and gains."""
     # With z = a + ib of a pair, y is Re(s) a - Im(s) b, and Re(g) drives a, Im(g) drives b.
     omega, noise, drives = samples.fundamental, now.noise, _drives(samples, now)
-    seen: list[tuple[NDArray[np.float64], NDArray]] = []
-    driven: list[tuple[NDArray[np.float64], NDArray]] = []
+    seen: list[tuple[Floats, NDArray]] = []
+    driven: list[tuple[Floats, NDArray]] = []
     for mode in modes:
         shape, gains = mode.shape / noise, mode.gains * drives
         if mode.real:
@@ -93,12 +94,12 @@ def as_real(samples: Samples, now: Predictor, modes: Sequence[Mode], half: float
     ]
 
 
-def _drives(samples: Samples, now: Predictor) -> NDArray[np.float64]:
+def _drives(samples: Samples, now: Predictor) -> Floats:
     """The rms of what drives a state: measured inputs, and innovations (inputs + channels, 1)."""
     return np.concatenate([np.sqrt(np.mean(samples.inputs**2, axis=1))[:, None], now.noise])
 
 
-def _rows(parts: Sequence[tuple[NDArray[np.float64], NDArray]], band: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rows(parts: Sequence[tuple[Floats, NDArray]], band: Floats) -> Floats:
     """Amplitudes on a band of harmonics, real parts and then imaginary ones (parts, 2 · signals · harmonics)."""
     found = np.zeros((len(parts), len(parts[0][1]), len(band)), complex)
     for row, (turns, values) in zip(found, parts, strict=True):
@@ -106,7 +107,7 @@ def _rows(parts: Sequence[tuple[NDArray[np.float64], NDArray]], band: NDArray[np
     return np.concatenate([np.real(found), np.imag(found)], axis=1).reshape(len(parts), -1)
 
 
-def folded(turns: NDArray[np.float64], values: NDArray) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def folded(turns: Floats, values: NDArray) -> tuple[Floats, Complexes]:
     """Harmonics from zero on, and amplitudes whose real part is that of some of both signs (..., turns)."""
     found = np.unique(np.abs(turns))
     folded = np.zeros((*values.shape[:-1], len(found)), complex)

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid.core import Estimates
 from floquid.errors import IdentificationError
 from floquid.fit import HALF_DIGITS, Normal, wald_rise
@@ -65,7 +65,7 @@ class Fit(DrivenFit):
         return Wide(self.samples, replace(self.at, modes=tuple(modes)), self.acting)
 
     @cached_property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Floats:
         """Covariance of all parameters, zero along the scales of the states (parameters, parameters)."""
         return inverse_of(self.normal)
 
@@ -91,7 +91,7 @@ class Fit(DrivenFit):
         joint = _joint(self, modes, held=True, acting=self.acting)
         return modes, [mode.shape for mode in self.at.modes], joint.errors, joint.free
 
-    def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
+    def estimates_at(self, exponents: Complexes) -> Estimates:
         """The estimates of a fit with several harmonics more of each mode, linearised at exponents (modes,) [1/s].
 
         One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
@@ -114,12 +114,12 @@ class Fit(DrivenFit):
         columns = self.at.columns, "channels, columns; that of the channel"
         return {"columns": columns, "initial": (self.at.initial, "records, states")}
 
-    def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
+    def direct(self, inputs: int) -> dict[int, Complexes]:
         """D (outputs, inputs) by its harmonic."""
         columns = self.at.columns
         return {0: columns[:, columns.shape[1] - inputs :].astype(complex)} if self.acting else {}
 
-    def drawn(self, generator: np.random.Generator) -> NDArray[np.float64]:
+    def drawn(self, generator: np.random.Generator) -> Floats:
         """Outputs made of the fit, with innovations of its covariance (outputs, samples).
 
         Raises IdentificationError where a mode grows beyond all bounds in the record: that one was held by chance.
@@ -133,7 +133,7 @@ class Fit(DrivenFit):
         innovations = np.einsum("kij,kj->ik", colour, white)
         return responding(samples, at, innovations)
 
-    def refitted(self, values: NDArray[np.float64]) -> Fit:
+    def refitted(self, values: Floats) -> Fit:
         """Fit these modes and harmonics to other outputs (outputs, samples).
 
         Raises IdentificationError where their predictor diverges on them.
@@ -178,9 +178,7 @@ class Fit(DrivenFit):
         mode = self.at.modes[number]
         return self._squares(number, gains=np.arange(mode.gains.size) < len(self.samples.inputs) * len(mode.reach))
 
-    def _squares(
-        self, number: int, *, gains: NDArray[np.bool_] | None = None, shape: NDArray[np.bool_] | None = None
-    ) -> tuple[float, int]:
+    def _squares(self, number: int, *, gains: Mask | None = None, shape: Mask | None = None) -> tuple[float, int]:
         mode, place = self.at.modes[number], self.places[number]
         gains = np.zeros(mode.gains.size, bool) if gains is None else gains
         shape = np.zeros(mode.shape.size, bool) if shape is None else shape
@@ -198,7 +196,7 @@ class Wide(Fit):
         return normal_of(self.samples, self.at)
 
 
-def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]) -> InputMode:
+def _as_input_mode(mode: Mode, samples: Samples, initial: Complexes) -> InputMode:
     """A mode as one with measured inputs alone, b those that act over time; the innovations are left out."""
     step, omega = samples.step, samples.fundamental
     scale = [input_gain(mode.exponent, turn, omega, step, samples.hold)[0] for turn in mode.reach.tolist()]
@@ -262,7 +260,7 @@ def sized(fit: FitOf) -> FitOf:
     return replace(fit, at=replace(fit.at, modes=tuple(modes), initial=initial, states=states))
 
 
-def _estimates(fit: Fit, step: NDArray[np.float64] | None = None, *, held: bool = True) -> Estimates:
+def _estimates(fit: Fit, step: Floats | None = None, *, held: bool = True) -> Estimates:
     """Exponents, shapes and gains with their joint covariance, of the modes of a fit as those of inputs alone."""
     modes = fit.input_modes
     joint = _joint(fit, modes, held=held)
@@ -282,9 +280,9 @@ class _Joint:
     """Errors of a fit as of one of measured inputs alone, and derivatives by all parameters of the fit, last."""
 
     errors: Errors
-    free: list[NDArray[np.bool_]]  # masks of the numbers of each mode that are free
-    rows: NDArray[np.float64]  # of those numbers
-    amplitudes: list[NDArray[np.complex128]]  # of the shape of each mode (channels, turns)
+    free: list[Mask]  # masks of the numbers of each mode that are free
+    rows: Floats  # of those numbers
+    amplitudes: list[Complexes]  # of the shape of each mode (channels, turns)
 
 
 def _joint(fit: Fit, modes: Sequence[InputMode], *, held: bool, acting: int = 0) -> _Joint:
@@ -312,9 +310,7 @@ def _joint(fit: Fit, modes: Sequence[InputMode], *, held: bool, acting: int = 0)
     return _Joint(errors, free, rows, amplitudes)
 
 
-def _slopes(
-    fit: Fit, number: int, own: InputMode, *, held: bool
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
+def _slopes(fit: Fit, number: int, own: InputMode, *, held: bool) -> tuple[Complexes, Complexes, Complexes]:
     """Derivatives of λ, of b (inputs · reach) and of the shape (channels, turns) by all parameters of a fit, last."""
     mode, samples, place = fit.at.modes[number], fit.samples, fit.places[number]
     width, count, size = len(fit.parameters), own.gains.size, mode.shape.size

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK
+from floquid._arrays import BLOCK, Floats, Integers, Mask
 from floquid.fit import (
     AT_REST,
     FEW_STEPS,
@@ -37,7 +37,7 @@ from floquid.innovations._predictor import MEMORY, Predictor, matrices, numbers_
 from floquid.inputs import Samples
 
 
-def thinned(samples: Samples, at: Predictor, stride: int) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+def thinned(samples: Samples, at: Predictor, stride: int) -> Iterator[tuple[Integers, Floats]]:
     r"""Samples, one of some `stride`, and the derivatives of white innovations there, in parts.
 
     .. math:: \partial s_{k+n} = \Phi_{k+n,k}\, \partial s_k + \sum_{j=k}^{k+n-1} \Phi_{k+n,j+1} f_j
@@ -82,9 +82,7 @@ def thinned(samples: Samples, at: Predictor, stride: int) -> Iterator[tuple[NDAr
             yield own.start + edges[:-1], beside
 
 
-def _carried(
-    ahead: NDArray[np.float64], edges: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+def _carried(ahead: Floats, edges: Integers) -> tuple[Integers, Floats, Floats]:
     """The samples of each block from its last on, and the transitions from the next of each to the end of the block."""
     longest = int(np.diff(edges).max())
     behind = edges[1:, None] - 1 - np.arange(longest)
@@ -117,7 +115,7 @@ def roughly(samples: Samples, at: Predictor) -> Normal:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
-def _summed(samples: Samples, at: Predictor, parts: Iterable[NDArray[np.float64]]) -> Normal:
+def _summed(samples: Samples, at: Predictor, parts: Iterable[Floats]) -> Normal:
     matrix = np.zeros((width_of(at), width_of(at)))
     for part in parts:
         flat = part.reshape(-1, part.shape[2])
@@ -125,7 +123,7 @@ def _summed(samples: Samples, at: Predictor, parts: Iterable[NDArray[np.float64]
     return Normal(matrix=matrix, gradient=pull_of(samples, at))
 
 
-def pull_of(samples: Samples, at: Predictor) -> NDArray[np.float64]:
+def pull_of(samples: Samples, at: Predictor) -> Floats:
     """Half the steepest descent from a predictor (parameters,)."""
     return _once(at, "pull", lambda: gradient(samples, at, at.innovations))
 
@@ -136,7 +134,7 @@ def _once(at: Predictor, name: str, formed: Callable[[], T]) -> T:
     return at.kept[name]
 
 
-def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+def inverse_of(normal: Normal, free: Mask | None = None) -> Floats:
     """The covariance of the free parameters, zero elsewhere (parameters, parameters); NaN where it overflowed.
 
     Of all parameters it has none along the scales of states, which are no information. Of `free` ones, that have these
@@ -188,7 +186,7 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float, ste
     return levenberg_marquardt(start, of, Ends(steps=iterations, gain=at_rest, patience=IN_VAIN))
 
 
-def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+def held(at: Predictor, whole: Floats, root: Floats, period: float) -> Floats:
     """A step on which no exponent moves further than `LONGEST_STEP`, all else the best for those held there."""
     own = [slice(place.start, place.start + mode.rows) for mode, place in zip(at.modes, places(at.modes), strict=True)]
     step, fixed = whole, np.zeros(len(whole), bool)
@@ -216,7 +214,7 @@ def climbed(samples: Samples, now: Predictor) -> Predictor:
     return now
 
 
-def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: float) -> Predictor | None:
+def moved(samples: Samples, at: Predictor, step: Floats, period: float) -> Predictor | None:
     """The predictor a step away, no exponent moving further than `LONGEST_STEP`; None where it diverges."""
     steps = split(at, step)
     moves = [_travel(mode, own[: mode.rows], period) for mode, own in zip(at.modes, steps[0], strict=True)]
@@ -227,7 +225,7 @@ def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: fl
     )
 
 
-def _travel(mode: Mode, step: NDArray[np.float64], period: float) -> float:
+def _travel(mode: Mode, step: Floats, period: float) -> float:
     """Length of a step of λ, or of σ and q, over a period."""
     return float(np.linalg.norm(step * (period if mode.square is None else np.array([period, period**2]))))
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import Channel, Driven, Estimates, Gains
 from floquid.fit import HALF_DIGITS, covariance_root, inverse_root
 from floquid.inputs._modes import InputMode
 
-Term = tuple[complex, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64], NDArray[np.complex128]]
+Term = tuple[complex, Integers, Complexes, Integers, Complexes]
 """λ, the harmonics m, c (outputs, harmonics), the harmonics l, b (inputs, harmonics)."""
 
 
@@ -22,15 +22,15 @@ class Errors:
     """Errors of a fit with linear amplitudes: of its free parameters, and of the columns of each output."""
 
     # Covariance of the free parameters of the modes, and of others behind them (parameters, parameters)
-    parameters: NDArray[np.float64]
-    slopes: NDArray[np.float64]  # Derivatives of the coefficients of the columns by them (outputs, columns, parameters)
+    parameters: Floats
+    slopes: Floats  # Derivatives of the coefficients of the columns by them (outputs, columns, parameters)
     # Covariance of the coefficients beside them (blocks, columns, columns), and the block of each output (outputs,)
-    spread: NDArray[np.float64]
-    blocks: NDArray[np.int64]
-    scales: NDArray[np.float64]  # What its root is multiplied by in each output (outputs,)
+    spread: Floats
+    blocks: Integers
+    scales: Floats  # What its root is multiplied by in each output (outputs,)
 
     @staticmethod
-    def of_joint(covariance: NDArray[np.float64], count: int, outputs: int) -> Errors:
+    def of_joint(covariance: Floats, count: int, outputs: int) -> Errors:
         r"""Errors by one covariance of the free parameters, `count` of them, and of the columns of each output.
 
         .. math:: K = S C S^T + \mu\, \mathrm{diag}(K_1, K_2, \ldots) + R R^T
@@ -63,16 +63,14 @@ class Errors:
             scales=np.ones(outputs),
         )
 
-    def root(self, output: int) -> NDArray[np.float64]:
+    def root(self, output: int) -> Floats:
         """Root of the covariance of the parameters and the columns of one output (parameters + columns, directions)."""
         shared = covariance_root(self.parameters)
         own = covariance_root(self.spread[self.blocks[output]]) * self.scales[output]
         none = np.zeros((len(shared), own.shape[1]))
         return np.block([[shared, none], [self.slopes[output] @ shared, own]])
 
-    def variance(
-        self, output: int, by_parameters: NDArray[np.float64], by_columns: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def variance(self, output: int, by_parameters: Floats, by_columns: Floats) -> Floats:
         """The variance of real quantities of one output (quantities,), by the same."""
         columns = slice(by_columns.shape[1])
         whole = by_columns @ self.slopes[output, columns]
@@ -84,10 +82,10 @@ class Errors:
 
 def estimates_of(
     modes: Sequence[InputMode],
-    shapes: Sequence[NDArray[np.complex128]],
+    shapes: Sequence[Complexes],
     errors: Errors,
     fundamental: float,
-    free: Sequence[NDArray[np.bool_]] | None = None,
+    free: Sequence[Mask] | None = None,
 ) -> Estimates:
     """The estimates of modes with amplitudes 2 c (outputs, turns) each, of pairs once."""
     turning = [np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0 for mode in modes]
@@ -124,9 +122,7 @@ def estimates_of(
     )
 
 
-def selection_of(
-    modes: Sequence[InputMode], free: Sequence[NDArray[np.bool_]] | None = None, width: int | None = None
-) -> NDArray[np.float64]:
+def selection_of(modes: Sequence[InputMode], free: Sequence[Mask] | None = None, width: int | None = None) -> Floats:
     """Selection of the parameters of estimates from the free ones of a fit (parameters, free parameters)."""
     masks = _free(modes, free)
     count, ends = len(modes), np.cumsum([0, *(int(free.sum()) for free in masks)]).tolist()
@@ -144,13 +140,11 @@ def selection_of(
     return found
 
 
-def _free(modes: Sequence[InputMode], free: Sequence[NDArray[np.bool_]] | None) -> Sequence[NDArray[np.bool_]]:
+def _free(modes: Sequence[InputMode], free: Sequence[Mask] | None) -> Sequence[Mask]:
     return [mode.free for mode in modes] if free is None else free
 
 
-def _gains(
-    modes: Sequence[InputMode], free: Sequence[NDArray[np.bool_]] | None, selected: NDArray[np.float64]
-) -> Gains:
+def _gains(modes: Sequence[InputMode], free: Sequence[Mask] | None, selected: Floats) -> Gains:
     """Coefficients b of all modes at the same harmonics, with their slopes."""
     masks = _free(modes, free)
     made = [_listed_gains(mode) for mode in modes]
@@ -166,7 +160,7 @@ def _gains(
     return Gains(harmonics=harmonics, coefficients=values, slopes=slopes)
 
 
-def _listed_gains(mode: InputMode) -> tuple[NDArray[np.int64], NDArray[np.complex128], NDArray[np.complex128]]:
+def _listed_gains(mode: InputMode) -> tuple[Integers, Complexes, Complexes]:
     """Harmonics of a mode's gains as a model lists them, b, and its slopes by all parameters of the mode."""
     size, width = mode.gains.size, len(mode.free)
     later = 1 + size if mode.real else 1 + width // 2
@@ -181,9 +175,7 @@ def _listed_gains(mode: InputMode) -> tuple[NDArray[np.int64], NDArray[np.comple
     return turns, gains, np.moveaxis(np.array([mirrored(mode.reach, own, mode.axis)[1] for own in by]), 0, 2)
 
 
-def mirrored(
-    turns: NDArray[np.float64], values: NDArray[np.complex128], shift: float
-) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
+def mirrored(turns: Floats, values: Complexes, shift: float) -> tuple[Integers, Complexes]:
     """Harmonics of a real signal's amplitudes (rows, turns), those below zero too, all moved by a shift."""
     down = turns > 0.0
     own = np.where(down, 0.5, 1.0) * values
@@ -191,7 +183,7 @@ def mirrored(
     return np.rint(both).astype(np.int64), np.concatenate([own[:, down][:, ::-1].conj(), own], axis=1)
 
 
-def terms_of(mode: InputMode, shape: NDArray[np.complex128], fundamental: float) -> list[Term]:
+def terms_of(mode: InputMode, shape: Complexes, fundamental: float) -> list[Term]:
     """A mode of a fit as modes of a model, with amplitudes 2 c (outputs, turns): a pair as two."""
     if mode.real:
         begin = mode.axis
@@ -213,10 +205,10 @@ def terms_of(mode: InputMode, shape: NDArray[np.complex128], fundamental: float)
 def driven_of(
     modes: Sequence[InputMode],
     inputs: Sequence[Channel],
-    direct: dict[int, NDArray[np.complex128]],
+    direct: dict[int, Complexes],
     outputs: int,
     fundamental: float,
-    begins: NDArray[np.float64],
+    begins: Floats,
 ) -> Driven | None:
     """Effects of inputs beside driving the modes; None where there are no inputs."""
     if not inputs:

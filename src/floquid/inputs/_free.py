@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt
 from floquid.fit import (
     CHUNK,
@@ -38,19 +39,19 @@ from floquid.inputs._start import MOST_ROWS, bare_mode
 class Phases(Rebuilt):
     """A discrete periodic system by its matrices at each phase, and its fit to samples."""
 
-    at: NDArray[np.int64]  # The phase j of each sample (samples,)
-    system: NDArray[np.float64]  # A (phases, states, states)
-    reached: NDArray[np.float64]  # B (phases, states, inputs)
+    at: Integers  # The phase j of each sample (samples,)
+    system: Floats  # A (phases, states, states)
+    reached: Floats  # B (phases, states, inputs)
     # C (phases, channels, states) and D (phases, channels, inputs), zero if `acting` is false
-    seen: NDArray[np.float64]
-    direct: NDArray[np.float64]
+    seen: Floats
+    direct: Floats
     # The first state of each record (records, states), and the coefficients of the known columns (channels, columns)
-    initial: NDArray[np.float64]
-    known: NDArray[np.float64]
+    initial: Floats
+    known: Floats
     acting: bool  # True where D is free
 
     @property
-    def parts(self) -> tuple[NDArray[np.float64], ...]:
+    def parts(self) -> tuple[Floats, ...]:
         """All parameters, in the order in which derivatives are."""
         return (self.system, self.reached, self.seen, self.direct, self.initial, self.known)
 
@@ -64,7 +65,7 @@ class Phases(Rebuilt):
         """Real numbers that are free: bases are none."""
         return self.starts[-1] - self.system.size - (0 if self.acting else self.direct.size)
 
-    def moved(self, step: NDArray[np.float64]) -> Phases:
+    def moved(self, step: Floats) -> Phases:
         """With all parameters moved by a step (parameters,)."""
         new = [
             own + step[a:b].reshape(own.shape) for own, (a, b) in zip(self.parts, pairwise(self.starts), strict=True)
@@ -74,7 +75,7 @@ class Phases(Rebuilt):
         return Phases(**dict(zip(names, new, strict=True)), **rest)
 
 
-def phases_of(samples: Samples) -> NDArray[np.int64] | None:
+def phases_of(samples: Samples) -> Integers | None:
     """The phase of each sample (samples,), zero at the first; None where samples do not meet the same ones again."""
     turned = (samples.times - samples.times[0]) / samples.step
     count = 2.0 * np.pi / (samples.fundamental * samples.step)
@@ -87,7 +88,7 @@ def phases_of(samples: Samples) -> NDArray[np.int64] | None:
     return np.rint(turned).astype(np.int64) % round(count)
 
 
-def response_of(samples: Samples, own: Phases) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def response_of(samples: Samples, own: Phases) -> tuple[Floats, Floats]:
     """States (samples, states) and the residual (channels, samples)."""
     states = np.empty((samples.n_samples, own.system.shape[1]))
     driven = np.einsum("kni,ik->kn", own.reached[own.at], samples.inputs)
@@ -101,7 +102,7 @@ def response_of(samples: Samples, own: Phases) -> tuple[NDArray[np.float64], NDA
     return states, samples.kept(samples.values - fitted - acting)
 
 
-def likelihood(samples: Samples, left: NDArray[np.float64]) -> float:
+def likelihood(samples: Samples, left: Floats) -> float:
     """Twice the logarithm of the likelihood of a residual (channels, samples) at its own noise, up to a constant."""
     with np.errstate(over="ignore", invalid="ignore"):  # of what grows beyond all bounds, which is as unlikely
         squares = np.sum(left**2, axis=1)
@@ -110,9 +111,7 @@ def likelihood(samples: Samples, left: NDArray[np.float64]) -> float:
     return -float(samples.count * np.sum(np.log(squares / samples.count + 1e-300)))
 
 
-def normal_equations(
-    samples: Samples, own: Phases, states: NDArray[np.float64], left: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def normal_equations(samples: Samples, own: Phases, states: Floats, left: Floats) -> tuple[Floats, Floats]:
     """Gauss-Newton matrix and gradient of all parameters, of all channels over their noise."""
     n, width, channels = states.shape[1], own.starts[-1], len(left)
     of_system, of_inputs, of_seen, of_direct, of_initial, of_known, _ = own.starts
@@ -153,8 +152,8 @@ class _Fit:
     """Matrices with the states (samples, states) and the residual (channels, samples) of their response."""
 
     phases: Phases
-    states: NDArray[np.float64]
-    left: NDArray[np.float64]
+    states: Floats
+    left: Floats
     cost: float
 
     @staticmethod
@@ -207,7 +206,7 @@ def _criterion(samples: Samples, own: Phases, gain: float) -> float:
     return -schwarz(gain, own.n_parameters, samples.count)
 
 
-def _observability(samples: Samples, at: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+def _observability(samples: Samples, at: Integers) -> list[Floats]:
     """Left singular vectors times the roots of the values, of what the past does to the future, at each phase.
 
     A column is a period: the past inputs and outputs are instruments (Verhaegen and Yu 1995, past outputs MOESP).
@@ -239,9 +238,7 @@ def _observability(samples: Samples, at: NDArray[np.int64]) -> list[NDArray[np.f
     return found
 
 
-def _started(
-    samples: Samples, at: NDArray[np.int64], bases: list[NDArray[np.float64]], order: int, acting: bool
-) -> Phases:
+def _started(samples: Samples, at: Integers, bases: list[Floats], order: int, acting: bool) -> Phases:
     """Matrices of an order: A and C by shifts of the bases of each phase and the next, the rest by least squares."""
     channels, inputs, phases = len(samples.values), len(samples.inputs), len(bases)
     cut = [own[:, :order] for own in bases]
@@ -308,7 +305,7 @@ def _as_modes(samples: Samples, own: Phases) -> Linearisation:
     return solve(samples, modes, direct)
 
 
-def _along(system: NDArray[np.float64], rate: complex, start: NDArray) -> NDArray[np.complex128]:
+def _along(system: Floats, rate: complex, start: NDArray) -> Complexes:
     """A Floquet vector at each phase and at the first one again, its growth taken off (phases + 1, states)."""
     found = [start.astype(complex)]
     for matrix in system:
@@ -317,13 +314,7 @@ def _along(system: NDArray[np.float64], rate: complex, start: NDArray) -> NDArra
 
 
 def _mode(
-    samples: Samples,
-    own: Phases,
-    multiplier: complex,
-    log: complex,
-    driven: NDArray[np.complex128],
-    left: NDArray[np.complex128],
-    times: NDArray[np.float64],
+    samples: Samples, own: Phases, multiplier: complex, log: complex, driven: Complexes, left: Complexes, times: Floats
 ) -> InputMode:
     """One mode by what the inputs add to its state at each phase (phases, inputs), and its left vectors there."""
     phases, omega = len(times), samples.fundamental

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK
+from floquid._arrays import BLOCK, Floats
 from floquid.fit import CHUNK
 from floquid.inputs._samples import Samples
 
 
-def low_pass(thinned: int) -> NDArray[np.float64]:
+def low_pass(thinned: int) -> Floats:
     """Taps that let through what is below nine tenths of half the thinned rate (taps,): a sinc, Hamming's window."""
     half = 4 * thinned if thinned > 1 else 0
     taps = np.sinc(0.9 / thinned * np.arange(-half, half + 1)) * np.hamming(2 * half + 1)
@@ -22,9 +22,7 @@ def low_pass(thinned: int) -> NDArray[np.float64]:
 class Thinned:
     """Inputs, as they are and modulated, and a response, of rms 1 and thinned, formed part by part of the samples."""
 
-    def __init__(
-        self, samples: Samples, response: NDArray[np.float64], turns: Sequence[int], taps: NDArray, thinned: int
-    ) -> None:
+    def __init__(self, samples: Samples, response: Floats, turns: Sequence[int], taps: NDArray, thinned: int) -> None:
         self._samples, self._response, self._turns = samples, response, turns
         self._taps, self._thinned = taps, thinned
         self.count = len(samples.inputs) * (1 + 2 * len(turns)) + len(response)
@@ -35,7 +33,7 @@ class Thinned:
         size = np.concatenate([*size, response.std(axis=1)])
         self._size = np.where(size > 0.0, size, 1.0)[:, None]
 
-    def parts(self, start: int, length: int) -> Iterator[NDArray[np.float64]]:
+    def parts(self, start: int, length: int) -> Iterator[Floats]:
         """Parts one after another of as many thinned samples, the first of them beginning with the sample `start`."""
         step = max(BLOCK // (4 * self.count * self._thinned), CHUNK)
         for first in range(0, length, step):
@@ -52,7 +50,7 @@ class Thinned:
             yield np.array([np.convolve(row, self._taps, "valid")[:: self._thinned] for row in signals])
 
 
-def products_of_lags(parts: Iterator[NDArray[np.float64]], count: int, lags: int) -> NDArray[np.float64]:
+def products_of_lags(parts: Iterator[Floats], count: int, lags: int) -> Floats:
     """Products of signals at lags, summed over the samples (lags · signals, lags · signals), by parts of these."""
     # The block one lag later of both is the block less its first sample, and one sample more.
     found, joined, begin = np.zeros((lags, count, lags, count)), np.zeros((count, 0)), np.zeros((count, 0))

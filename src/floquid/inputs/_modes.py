@@ -18,6 +18,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid._checks import Rebuilt
 from floquid.core import Hold
 from floquid.fit import ROUNDING
@@ -93,14 +94,14 @@ class InputMode(Rebuilt):
 
     exponent: complex  # λ [1/s]; of a block σ
     real: bool  # True for real states: a real multiplier, or a block
-    reach: NDArray[np.float64]  # The harmonics l, ascending (reach,); of real states from 0 or ½ on
-    gains: NDArray[np.complex128]  # b (inputs, reach); of a block those of the second state follow (2 inputs, reach)
-    turns: NDArray[np.float64]  # The harmonics m, ascending (turns,); of real states from 0 or ½ on
+    reach: Floats  # The harmonics l, ascending (reach,); of real states from 0 or ½ on
+    gains: Complexes  # b (inputs, reach); of a block those of the second state follow (2 inputs, reach)
+    turns: Floats  # The harmonics m, ascending (turns,); of real states from 0 or ½ on
     # z at the first sample of each record (records,), at the last one of a mode that is followed `backwards`. Of a
     # block those of the second state follow (2 records,).
-    initial: NDArray[np.complex128]
+    initial: Complexes
     # The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the start
-    sizes: NDArray[np.float64]
+    sizes: Floats
     square: float | None = None  # q of a block [1/s²]; None of another mode
     # True of a mode that grows, whose state is followed from the end of each record: a fit keeps to its way
     backwards: bool = False
@@ -111,13 +112,13 @@ class InputMode(Rebuilt):
         return 1 if self.square is None else 2
 
     @property
-    def strengths(self) -> NDArray[np.float64]:
+    def strengths(self) -> Floats:
         """Factors by which b and z at the start are compared, whatever the units of the inputs (parts,)."""
         sizes = np.repeat(np.tile(self.sizes, self.states), len(self.reach))
         return np.concatenate([sizes, np.ones(len(self.initial))])
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Mask:
         """Mask of the parameters that are free, the scale of the state fixed by its largest part (parameters,)."""
         # Parameters are the real parts of λ, b and z at the start, then the imaginary ones; of a real multiplier those
         # of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the start, and q.
@@ -136,7 +137,7 @@ class InputMode(Rebuilt):
         return np.concatenate([[True], *parts, np.ones(self.states - 1, bool)])
 
     @property
-    def _elements(self) -> tuple[NDArray[np.float64], int]:
+    def _elements(self) -> tuple[Floats, int]:
         """Numbers a, of a block a and b, of Re b, Im b and z at the start (states, elements), and which is largest."""
         parts = (self.gains.real, self.gains.imag, self.initial.real)
         elements = np.concatenate([own.reshape(self.states, -1) for own in parts], axis=1)
@@ -148,7 +149,7 @@ class InputMode(Rebuilt):
         return elements, int(np.argmax(np.abs(squares) * weights**2))
 
     @property
-    def _turning(self) -> NDArray[np.bool_]:
+    def _turning(self) -> Mask:
         """Mask of b of real states with an imaginary part, of each state (inputs · reach,)."""
         return np.tile(self.reach > 0.0, len(self.gains) // self.states)
 
@@ -157,7 +158,7 @@ class InputMode(Rebuilt):
         """The least harmonic that there is: zero, or ½ of a negative multiplier."""
         return 0.5 if self.real and self.reach[0] else 0.0
 
-    def moved(self, step: NDArray[np.float64]) -> InputMode:
+    def moved(self, step: Floats) -> InputMode:
         """With the parameters moved by a step (parameters,)."""
         size, square = self.gains.size, self.square
         if square is not None:
@@ -175,7 +176,7 @@ class InputMode(Rebuilt):
             square=square,
         )
 
-    def distance(self, step: NDArray[np.float64], least: float) -> float:
+    def distance(self, step: Floats, least: float) -> float:
         """Distance that a step (parameters,) moves the exponents [1/s]; of a block at q = 0 as at √|q| = `least`."""
         if self.square is None:
             return float(abs(step[0] + (0j if self.real else 1j * step[len(step) // 2])))
@@ -200,7 +201,7 @@ class InputMode(Rebuilt):
         """With some harmonics more at each end of a band."""
         return self.with_band(band, longer(getattr(self, band), by, highest, self.real))
 
-    def turned(self, by: float, omega: float, begins: NDArray[np.float64]) -> InputMode:
+    def turned(self, by: float, omega: float, begins: Floats) -> InputMode:
         """A pair moved to another branch, λ + i·by·ω; its states are at `begins` [s]."""
         return replace(
             self,
@@ -341,13 +342,13 @@ def powers(rate: complex, count: int) -> NDArray:
     return np.multiply.outer(steps, np.exp(rate * np.arange(inner))).ravel()[:count]
 
 
-def shares_of(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.complex128]:
+def shares_of(samples: Samples, mode: InputMode, exponent: complex) -> Complexes:
     """Shares of each modulated input in the next state, by its sample and by the next one (reach, 2)."""
     of = samples.fundamental, samples.step, samples.hold
     return np.array([input_gain(exponent, turn, *of) for turn in mode.reach.tolist()], np.complex128).reshape(-1, 2)
 
 
-def driven_by(samples: Samples, mode: InputMode, shares: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def driven_by(samples: Samples, mode: InputMode, shares: Complexes) -> Complexes:
     """Sum the effects of all modulated inputs, by their shares and b, on the state at the next sample (samples,)."""
     sums = np.zeros((2, samples.n_samples), complex)
     for turn, gains, own in zip(mode.reach.tolist(), mode.gains.T, shares, strict=True):

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of
@@ -20,9 +20,7 @@ from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
 from floquid.inputs.search import Passed, Scores, passed, read_near_axis, unmeasured
 from floquid.search import GAP
 
-TransferParts: TypeAlias = tuple[
-    Sequence[InputMode], list[NDArray[np.complex128]], Errors, Sequence[NDArray[np.bool_]] | None
-]
+TransferParts: TypeAlias = tuple[Sequence[InputMode], list[Complexes], Errors, Sequence[Mask] | None]
 """Modes, their shapes, errors, and masks of what is free (all where None)."""
 
 
@@ -37,8 +35,8 @@ class FitParts(Protocol):
     def input_modes(self) -> list[InputMode]: ...
     @property
     def estimates(self) -> Estimates: ...
-    def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates: ...
-    def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]: ...
+    def estimates_at(self, exponents: Complexes) -> Estimates: ...
+    def direct(self, inputs: int) -> dict[int, Complexes]: ...
     def transfer_parts(self) -> TransferParts: ...
 
 
@@ -69,8 +67,8 @@ class DrivenFit(Rebuilt):
         self: FitParts,
         channels: Sequence[Channel],
         inputs: Sequence[Channel],
-        frequencies_hz: NDArray[np.float64],
-        harmonics: NDArray[np.int64],
+        frequencies_hz: Floats,
+        harmonics: Integers,
         *,
         sampled: bool = False,
     ) -> TransferFunctions:
@@ -105,12 +103,12 @@ class Uncertainty(DrivenFit):
         return normal_equations(self.samples, self.at)
 
     @cached_property
-    def of_white(self) -> NDArray[np.float64]:
+    def of_white(self) -> Floats:
         """Covariance of the free parameters where noise is white: the inverse of their information."""
         return covariance_of(self.samples, self.at, self.equations.matrix)
 
     @cached_property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Floats:
         r"""Covariance of the free parameters (parameters, parameters), noise that drives the modes counted.
 
         .. math:: H^{-1} (H + \sum_r P_r\, G\, \Sigma_r\, G^T) H^{-1}
@@ -138,7 +136,7 @@ class Uncertainty(DrivenFit):
         return list(zip(variances, passed(self._scores, self.equations, numbers), strict=True))
 
     @cached_property
-    def slopes(self) -> NDArray[np.float64]:
+    def slopes(self) -> Floats:
         """Derivatives of the linear coefficients by the free parameters (channels, columns, parameters)."""
         return -self.at.inverse @ (self.equations.along * self.at.noise[:, None, None]).swapaxes(1, 2)
 
@@ -155,7 +153,7 @@ class Uncertainty(DrivenFit):
         """Modes with their shapes and errors, as transfer functions are made of them."""
         return self.at.modes, self.shapes, self.errors, None
 
-    def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
+    def estimates_at(self, exponents: Complexes) -> Estimates:
         """The estimates of a fit with several harmonics more of each mode, linearised at exponents (modes,) [1/s]."""
         # One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
         pairs, highest = zip(self.at.modes, exponents.tolist(), strict=True), self.samples.highest
@@ -170,7 +168,7 @@ class Uncertainty(DrivenFit):
         """Arrays by which a file makes the fit again, beside its modes, with their axes."""
         return {"direct": (self.at.direct, "harmonics")}
 
-    def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
+    def direct(self, inputs: int) -> dict[int, Complexes]:
         """D (outputs, inputs) by harmonics from 0 on."""
         place, found = self.at.slices()[-1][0].stop if self.at.modes else 0, {}
         for turn in map(int, self.at.direct):
@@ -179,18 +177,18 @@ class Uncertainty(DrivenFit):
             found[turn] = 0.5 * (own[:, :inputs] + 1j * own[:, inputs:]) if turn else own.astype(complex)
         return found
 
-    def drawn(self, generator: np.random.Generator) -> NDArray[np.float64]:
+    def drawn(self, generator: np.random.Generator) -> Floats:
         """Outputs made of the fit, with noise of its size (outputs, samples)."""
         clean = self.at.columns.response(self.at.coefficients)
         return np.asarray(clean + self.at.noise[:, None] * generator.standard_normal(clean.shape))
 
-    def refitted(self, values: NDArray[np.float64]) -> Uncertainty:
+    def refitted(self, values: Floats) -> Uncertainty:
         """Fit these modes and harmonics to other outputs (outputs, samples) at the same inputs."""
         samples = replace(self.samples, values=self.samples.kept(values))
         return Uncertainty(samples, read_near_axis(samples, solve(samples, self.at.modes, self.at.direct)).at)
 
     @cached_property
-    def places(self) -> list[tuple[slice, NDArray[np.bool_]]]:
+    def places(self) -> list[tuple[slice, Mask]]:
         """The place of the parameters of each mode, and the mask of those that are free."""
         found, place = [], 0
         for mode in self.at.modes:
@@ -213,13 +211,13 @@ class Uncertainty(DrivenFit):
             scales=self.at.noise,
         )
 
-    def _of_columns(self, channel: int) -> NDArray[np.float64]:
+    def _of_columns(self, channel: int) -> Floats:
         """Covariance of the coefficients of an output over its noise, beside that of the parameters."""
         more = sum(variance * own.of_columns[channel] for variance, own in self._spreads)
         return self.at.inverse + self.at.inverse @ more @ self.at.inverse
 
     @property
-    def shapes(self) -> list[NDArray[np.complex128]]:
+    def shapes(self) -> list[Complexes]:
         """Amplitudes 2 c of each mode (outputs, turns)."""
         return [self.at.shape(number).T for number in range(len(self.at.modes))]
 

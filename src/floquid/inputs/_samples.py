@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK
+from floquid._arrays import BLOCK, Complexes, Floats, Mask
 from floquid._checks import Rebuilt
 from floquid.core import BRIDGED, Hold, over_gaps, runs_of
 from floquid.fit import CHUNK
@@ -23,18 +23,18 @@ LEAKAGE = 0.02
 class Samples(Rebuilt):
     """Outputs and inputs of records of one rate, put one after another, with the angle of the system."""
 
-    values: NDArray[np.float64]  # y (channels, samples)
-    inputs: NDArray[np.float64]  # u (inputs, samples)
+    values: Floats  # y (channels, samples)
+    inputs: Floats  # u (inputs, samples)
     begins: tuple[int, ...]  # The first sample of each record, and one past the last of all (records + 1,)
     # The angle of the system over ω (samples,) [s]: the time after phase zero where the speed is constant
-    times: NDArray[np.float64]
+    times: Floats
     step: float  # The sampling interval [s]
     fundamental: float  # ω [rad/s]
     hold: Hold  # The input between its samples
     # Columns beside the modes: an offset of each record, and what repeats with the period (columns, samples)
-    known: NDArray[np.float64]
+    known: Floats
     # Mask of the samples that were measured (samples,). Of others the input is known, y and the columns are zero.
-    there: NDArray[np.bool_]
+    there: Mask
     floor: float = 0.0  # The least share of a channel's largest value that noise is taken to be
 
     @property
@@ -43,7 +43,7 @@ class Samples(Rebuilt):
         return [slice(a, b) for a, b in pairwise(self.begins)]
 
     @property
-    def first_times(self) -> NDArray[np.float64]:
+    def first_times(self) -> Floats:
         """Times of the first sample of each record (records,) [s]."""
         return self.times[list(self.begins[:-1])]
 
@@ -100,18 +100,18 @@ class Samples(Rebuilt):
         return int(np.ceil(np.pi / (self.fundamental * self.step))) - 1
 
     @property
-    def input_size(self) -> NDArray[np.float64]:
+    def input_size(self) -> Floats:
         """The rms of each input (inputs,)."""
         return np.sqrt(np.mean(self.inputs**2, axis=1))
 
     @property
-    def moving(self) -> NDArray[np.float64]:
+    def moving(self) -> Floats:
         """The values less the offset, and what repeats with the period, that fit them best (channels, samples)."""
         steady = np.linalg.lstsq(self.known.T, self.values.T, rcond=None)[0]
         return self.values - steady.T @ self.known
 
     @cached_property
-    def swing(self) -> NDArray[np.float64]:
+    def swing(self) -> Floats:
         """The largest that each channel is beside an offset and what repeats with the period (channels,)."""
         return np.abs(self.moving).max(axis=1)
 
@@ -143,7 +143,7 @@ class Samples(Rebuilt):
         for own in (own for parts in self.parts(numbers) for own in parts):
             yield own, self if own.stop - own.start == self.n_samples else self.part(own)
 
-    def turned(self, turns: float) -> NDArray[np.complex128]:
+    def turned(self, turns: float) -> Complexes:
         """e^{i turns ωt} (samples,)."""
         found = self.angles.get(turns)
         if found is None:
@@ -160,7 +160,7 @@ class Samples(Rebuilt):
         return found
 
     @cached_property
-    def angles(self) -> dict[float, NDArray[np.complex128]]:
+    def angles(self) -> dict[float, Complexes]:
         """Turned phases by their number of turns, of those that are kept."""
         return {}
 
@@ -176,9 +176,9 @@ class Samples(Rebuilt):
 
 
 def samples_of(
-    values: Sequence[NDArray[np.float64]],
-    inputs: Sequence[NDArray[np.float64]],
-    starts: Sequence[float | NDArray[np.float64]],
+    values: Sequence[Floats],
+    inputs: Sequence[Floats],
+    starts: Sequence[float | Floats],
     *,
     step: float,
     fundamental: float,

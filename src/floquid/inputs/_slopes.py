@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes
 from floquid.fit import ROUNDING
 from floquid.inputs._modes import (
     InputMode,
@@ -162,7 +163,7 @@ def _late(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
     return followed(samples, mode, samples.step * decay * state + drive)
 
 
-def _drives(samples: Samples, mode: InputMode) -> NDArray[np.complex128]:
+def _drives(samples: Samples, mode: InputMode) -> Complexes:
     """Effect of each modulated input on the state at the next sample (inputs · reach, samples)."""
     found = np.empty((len(samples.inputs), len(mode.reach), samples.n_samples), complex)
     for place, (turn, (now, then)) in enumerate(

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid._checks import Rebuilt
 from floquid.fit import (
     AT_REST,
@@ -60,14 +61,14 @@ class Columns(Rebuilt):
             + len(self.samples.known)
         )
 
-    def of(self, samples: Samples, own: slice) -> NDArray[np.float64]:
+    def of(self, samples: Samples, own: slice) -> Floats:
         """Columns of a part of the samples (columns, samples): of each mode, of the direct term, and those known."""
         states = [state[..., own] for state in self.states]
         parts = [columns_of(samples, mode, state) for mode, state in zip(self.modes, states, strict=True)]
         parts += [samples.kept(_modulated(samples.turned(turn), samples.inputs, turn > 0.0)) for turn in self.direct]
         return np.concatenate([*parts, samples.known])
 
-    def __iter__(self) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    def __iter__(self) -> Iterator[tuple[slice, Floats]]:
         """Parts of the samples, and the columns there (columns, samples)."""
         if self._all is not None:
             yield self._all
@@ -76,12 +77,12 @@ class Columns(Rebuilt):
             yield own, self.of(part, own)
 
     @cached_property
-    def _all(self) -> tuple[slice, NDArray[np.float64]] | None:
+    def _all(self) -> tuple[slice, Floats] | None:
         """The columns of all samples where these make one part: they need not be formed again."""
         own = slice(0, self.samples.n_samples)
         return (own, self.of(self.samples, own)) if self.samples.parts(4 * self.count) == [[own]] else None
 
-    def response(self, coefficients: NDArray[np.float64], own: slice = slice(None)) -> NDArray[np.float64]:
+    def response(self, coefficients: Floats, own: slice = slice(None)) -> Floats:
         """The response by some of the columns (channels, samples) with coefficients of all (columns, channels)."""
         found = np.empty((coefficients.shape[1], self.samples.n_samples))
         for part, columns in self:
@@ -98,10 +99,10 @@ class Linearisation(Rebuilt):
     direct: tuple[float, ...]
     states: tuple[NDArray, ...]  # The state of each mode
     columns: Columns  # The columns that are linear
-    inverse: NDArray[np.float64]  # The inverse of their Gram matrix (columns, columns)
-    coefficients: NDArray[np.float64]  # Those of each channel (columns, channels)
-    left: NDArray[np.float64]  # The residual (channels, samples)
-    noise: NDArray[np.float64]  # Its deviation (channels,)
+    inverse: Floats  # The inverse of their Gram matrix (columns, columns)
+    coefficients: Floats  # Those of each channel (columns, channels)
+    left: Floats  # The residual (channels, samples)
+    noise: Floats  # Its deviation (channels,)
     rank: int  # Directions that the columns span: one that is a sum of others, or nothing, takes no noise
     count: int  # Samples that were measured; at others the columns and the residual are zero
 
@@ -118,7 +119,7 @@ class Linearisation(Rebuilt):
         return int(sum(mode.free.sum() for mode in self.modes)) + self.coefficients.size
 
     @property
-    def heard(self) -> NDArray[np.bool_]:
+    def heard(self) -> Mask:
         """Mask of channels whose residual is noise: below the least noise it has the colour of rounding."""
         return np.sum(self.left**2, axis=1) / self.count > 0.5 * self.noise**2
 
@@ -139,7 +140,7 @@ class Linearisation(Rebuilt):
         """The criterion of Schwarz (1978): more is better."""
         return schwarz(self.log_likelihood, self.n_parameters, self.count)
 
-    def slices(self) -> list[tuple[slice, NDArray[np.bool_]]]:
+    def slices(self) -> list[tuple[slice, Mask]]:
         """Place of the columns of each mode, and mask of its turns that have an imaginary part (turns,)."""
         found, place = [], 0
         for mode in self.modes:
@@ -150,19 +151,19 @@ class Linearisation(Rebuilt):
         return found
 
     @cached_property
-    def free(self) -> list[NDArray[np.bool_]]:
+    def free(self) -> list[Mask]:
         """Masks of the parameters of each mode that are free."""
         return [mode.free for mode in self.modes]
 
-    def shape(self, mode: int) -> NDArray[np.complex128]:
+    def shape(self, mode: int) -> Complexes:
         """2 c of a mode, of real states at turn zero c (turns, channels); of a block the second state's follow."""
         return self._shapes[mode]
 
     @cached_property
-    def _shapes(self) -> list[NDArray[np.complex128]]:
+    def _shapes(self) -> list[Complexes]:
         return [self._shape(number) for number in range(len(self.modes))]
 
-    def _shape(self, mode: int) -> NDArray[np.complex128]:
+    def _shape(self, mode: int) -> Complexes:
         own, turning = self.slices()[mode]
         both = self.coefficients[own].reshape(self.modes[mode].states, -1, self.coefficients.shape[1])
         found = both[:, : len(turning)].astype(complex)
@@ -203,7 +204,7 @@ def columns_at(samples: Samples, modes: Sequence[InputMode], direct: Sequence[fl
     return Columns(samples, tuple(modes), tuple(state_of(samples, mode) for mode in modes), tuple(direct))
 
 
-def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
+def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> Floats:
     """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples)."""
     # Of a block those of the second state follow.
     angles, turning = np.array([samples.turned(turn) for turn in mode.turns.tolist()]), turning_of(mode)
@@ -211,17 +212,17 @@ def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.
     return samples.kept(np.concatenate([part for own in turned for part in (own.real, -own.imag[turning])]))
 
 
-def turning_of(mode: InputMode) -> NDArray[np.bool_]:
+def turning_of(mode: InputMode) -> Mask:
     """Mask of the turns of a mode that have an imaginary part (turns,)."""
     return np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
 
 
-def _modulated(turned: NDArray[np.complex128], inputs: NDArray[np.float64], turning: bool) -> NDArray[np.float64]:
+def _modulated(turned: Complexes, inputs: Floats, turning: bool) -> Floats:
     both = turned * inputs
     return np.concatenate([both.real, -both.imag]) if turning else both.real
 
 
-def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[float]) -> NDArray[np.complex128]:
+def carried(samples: Samples, shape: Complexes, turns: Sequence[float]) -> Complexes:
     """The shape of a mode over the samples: amplitudes (…, turns) at harmonics (…, samples)."""
     found = np.empty((*shape.shape[:-1], samples.n_samples), complex)
     for own, part in samples.in_parts(4 * len(turns)):
@@ -254,9 +255,9 @@ def slopes_of(
 class Equations(NamedTuple):
     """Sums over the samples of products of the slopes, of all channels over their noise."""
 
-    matrix: NDArray[np.float64]  # Gauss-Newton matrix of the free parameters, c and D moving along
-    gradient: NDArray[np.float64]
-    along: NDArray[np.float64]  # slopes by columns (channels, parameters, columns)
+    matrix: Floats  # Gauss-Newton matrix of the free parameters, c and D moving along
+    gradient: Floats
+    along: Floats  # slopes by columns (channels, parameters, columns)
 
 
 def normal_equations(samples: Samples, at: Linearisation, *, rough: bool = False) -> Equations:
@@ -294,7 +295,7 @@ def numbers_of(at: Linearisation) -> int:
     return at.columns.count + 2 * sum(map(len, at.free))
 
 
-def sizes_of(samples: Samples, at: Linearisation) -> list[NDArray[np.float64]]:
+def sizes_of(samples: Samples, at: Linearisation) -> list[Floats]:
     """About the size of each derivative of the state of each mode, zero of an input that is silent (parts,)."""
     found, period = [], 2.0 * np.pi / samples.fundamental
     for mode, state in zip(at.modes, at.states, strict=True):
@@ -345,7 +346,7 @@ def solve(
     return levenberg_marquardt(now, steps, Ends(steps=iterations, gain=at_rest))
 
 
-def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def scale_of(samples: Samples, at: Linearisation, matrix: Floats) -> Floats:
     """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
     # Parameters are compared by what they do to the state over its own size: inputs have units of their own.
     units = []
@@ -358,7 +359,7 @@ def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -
     return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300)) * weights
 
 
-def steps_of(modes: Sequence[InputMode], step: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def steps_of(modes: Sequence[InputMode], step: Floats) -> list[Floats]:
     """A step of the free parameters as one of all parameters of each of the `modes`."""
     steps, place = [], 0
     for mode in modes:
@@ -369,7 +370,7 @@ def steps_of(modes: Sequence[InputMode], step: NDArray[np.float64]) -> list[NDAr
     return steps
 
 
-def _limited(at: Linearisation, step: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+def _limited(at: Linearisation, step: Floats, period: float) -> Floats:
     """A step on which no exponent moves further than `LONGEST_STEP`."""
     longest = max(
         mode.distance(own, LONGEST_STEP / period) * period
@@ -378,11 +379,11 @@ def _limited(at: Linearisation, step: NDArray[np.float64], period: float) -> NDA
     return step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
 
 
-def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:
+def covariance(samples: Samples, at: Linearisation) -> Floats:
     """Covariance of the free parameters (parameters, parameters); what the record says nothing of is infinite."""
     return covariance_of(samples, at, normal_equations(samples, at).matrix)
 
 
-def covariance_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def covariance_of(samples: Samples, at: Linearisation, matrix: Floats) -> Floats:
     """Covariance of the free parameters by their Gauss-Newton matrix (parameters, parameters)."""
     return scaled_inverse(matrix, floor=True, scale=scale_of(samples, at, matrix))

@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.fit import HALF_DIGITS, MODES, SURE, chi2_limit, inverse_root, scaled_inverse
 from floquid.inputs._lags import Thinned, low_pass, products_of_lags
 from floquid.inputs._modes import RUNAWAY, InputMode, input_gain, runs_away
@@ -38,9 +39,7 @@ MOST_ROWS = 0.5  # rows of the past and the future over the columns, at most
 ALIKE = 0.15  # the distance of two candidates, over their decay, within which one is enough
 
 
-def candidates(
-    samples: Samples, response: NDArray[np.float64], *, held: bool = False
-) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+def candidates(samples: Samples, response: Floats, *, held: bool = False) -> tuple[Complexes, Floats]:
     """Exponents that may be in a response (channels, samples) to the inputs, and how often they come up (candidates,).
 
     A pole of the system comes up at every order and every rate that it is looked for at, as in a diagram of
@@ -88,7 +87,7 @@ def candidates(
     return np.array(apart, np.complex128), np.array(shares)
 
 
-def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> list[NDArray[np.complex128]]:
+def _poles(samples: Samples, response: Floats, thinned: int) -> list[Complexes]:
     """Poles of several orders, by past outputs and inputs as instruments (Verhaegen 1994); none of too few samples."""
     taps = low_pass(thinned)
     lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.stretches]
@@ -143,19 +142,19 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     return found
 
 
-def _strongest(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _strongest(signals: Floats) -> Floats:
     """The strongest sums of many signals; few signals as they are (…, samples)."""
     return signals if len(signals) <= MANY else _sums(signals, STRONGEST)
 
 
-def _sums(signals: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+def _sums(signals: Floats, most: int) -> Floats:
     """The first singular vectors of signals, each counted by its rms (most, samples)."""
     size = np.sqrt(np.mean(signals**2, axis=1, keepdims=True))
     scaled = signals / np.where(size > 0.0, size, 1.0)
     return np.asarray(np.linalg.eigh(scaled @ scaled.T)[1][:, -most:].T @ scaled, np.float64)
 
 
-def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _lower(matrix: Floats) -> tuple[Floats, float]:
     """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs."""
     # With the root of that: what the factor holds below it is rounding.
     for more in (1e-12, 1e-9, 1e-6):
@@ -168,9 +167,7 @@ def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     return np.asarray(np.linalg.qr((vectors * np.sqrt(np.maximum(values, 1e-6))).T)[1].T, np.float64), 1e-3
 
 
-def bare_mode(
-    samples: Samples, exponent: complex, reach: NDArray[np.float64], turns: NDArray[np.float64], *, real: bool = False
-) -> InputMode:
+def bare_mode(samples: Samples, exponent: complex, reach: Floats, turns: Floats, *, real: bool = False) -> InputMode:
     """A mode with only exponent and harmonics known."""
     count, starts = len(samples.inputs), len(samples.records)
     longest = samples.step * max(own.stop - own.start for own in samples.records)
@@ -197,9 +194,7 @@ def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> 
     return replace(mode, gains=mode.gains * np.array(ratios))
 
 
-def split_products(
-    bare: InputMode, strength: NDArray[np.float64], products: NDArray[np.float64], channels: int
-) -> InputMode:
+def split_products(bare: InputMode, strength: Floats, products: Floats, channels: int) -> InputMode:
     """A mode by its products c b (drives · columns, channels): b is their first left singular vector."""
     # Each drive counts by what it does to the state: by the rms of that (drives,).
     shapes = _shapes(bare, products.reshape(len(strength), -1), channels) * strength[:, None]
@@ -212,7 +207,7 @@ def split_products(
     return replace(bare, gains=own[:inner].reshape(bare.gains.shape), initial=own[inner:]).scaled()
 
 
-def _shapes(mode: InputMode, products: NDArray[np.float64], channels: int) -> NDArray:
+def _shapes(mode: InputMode, products: Floats, channels: int) -> NDArray:
     """Coefficients of the columns as complex ones (drives, turns · channels); of a real multiplier as they are."""
     if mode.real:
         return products
@@ -245,7 +240,7 @@ def chosen_together(
 
 
 def fitted_together(
-    samples: Samples, response: NDArray[np.float64], bare: Sequence[InputMode], *, acting: int | None = None
+    samples: Samples, response: Floats, bare: Sequence[InputMode], *, acting: int | None = None
 ) -> tuple[float, list[InputMode]]:
     """Modes with known exponents and harmonics, from a response (channels, samples): all products together."""
     columns = _Products(samples, bare, acting)
@@ -277,7 +272,7 @@ class _Products:
         ends = np.cumsum([len(samples.inputs[:acting]) + len(samples.known), *counts]).tolist()
         self.places, self.count = [slice(a, b) for a, b in pairwise(ends)], ends[-1]  # those of each mode, and of all
 
-    def __iter__(self) -> Iterator[tuple[slice, NDArray[np.float64], list[NDArray]]]:
+    def __iter__(self) -> Iterator[tuple[slice, Floats, list[NDArray]]]:
         """Parts of the samples with the columns (columns, samples) and the drives of each mode (drives, samples)."""
         samples, bare = self._samples, self._bare
         for part in slopes_in_parts(samples, bare, [None] * len(bare), 2 * self.count):
@@ -290,9 +285,7 @@ class _Products:
             inputs = here.samples.kept(here.samples.inputs[: self._acting])
             yield part.own, np.concatenate([inputs, here.samples.known, *groups]), here.rows
 
-    def sums(
-        self, response: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], list[NDArray[np.float64]]]:
+    def sums(self, response: Floats) -> tuple[Floats, Floats, Floats, list[Floats]]:
         """Products of columns, over their lengths, with one another and a response, the lengths, the drives' rms."""
         gram, seen = np.zeros((self.count, self.count)), np.zeros((self.count, len(response)))
         squares = [0.0] * len(self._bare)
@@ -306,22 +299,18 @@ class _Products:
         return gram / size / size[:, None], seen / size[:, None], size, strengths
 
 
-def _taken(gram: NDArray[np.float64]) -> NDArray[np.float64]:
+def _taken(gram: Floats) -> Floats:
     """The inverse root of products of columns that were of unit length before others took their share."""
     return inverse_root(gram, HALF_DIGITS, scale=np.ones(len(gram)))
 
 
-def _gain(
-    gram: NDArray[np.float64], seen: NDArray[np.float64], energy: NDArray[np.float64], place: slice, samples: Samples
-) -> float:
+def _gain(gram: Floats, seen: Floats, energy: Floats, place: slice, samples: Samples) -> float:
     """The gain in twice the logarithm of the likelihood by a group of columns."""
     explained = np.sum((_taken(gram[place, place]).T @ seen[place]) ** 2, axis=0)
     return float(samples.count * np.sum(-np.log1p(-np.minimum(explained / energy, 1.0 - 1e-12))))
 
 
-def _less(
-    gram: NDArray[np.float64], seen: NDArray[np.float64], energy: NDArray[np.float64], place: slice
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _less(gram: Floats, seen: Floats, energy: Floats, place: slice) -> tuple[Floats, Floats, Floats]:
     """Products of all columns less their projections on a group."""
     root = _taken(gram[place, place])
     along, own = gram[:, place] @ root, root.T @ seen[place]

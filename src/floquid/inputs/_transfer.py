@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array
 from floquid.core import Channel
 from floquid.fit import HALF_DIGITS
@@ -40,10 +40,10 @@ class TransferFunctions(Rebuilt):
         does between them and what is folded included. None where it is that of continuous time.
     """
 
-    frequencies_hz: NDArray[np.float64]
-    harmonics: NDArray[np.int64]
-    values: NDArray[np.complex128]
-    std: NDArray[np.complex128] | None
+    frequencies_hz: Floats
+    harmonics: Integers
+    values: Complexes
+    std: Complexes | None
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
     step: float | None = None
@@ -70,13 +70,13 @@ class TransferFunctions(Rebuilt):
 class Grid(Rebuilt):
     """Frequencies and harmonics at which G is wanted."""
 
-    omega: NDArray[np.float64]  # Ω (frequencies,) [rad/s]
-    harmonics: NDArray[np.int64]  # m (harmonics,)
+    omega: Floats  # Ω (frequencies,) [rad/s]
+    harmonics: Integers  # m (harmonics,)
     fundamental: float  # ω [rad/s]
     # The sampling interval and the hold where G is that of samples; None where it is that of continuous time
     held: tuple[float, Hold] | None
 
-    def response(self, mode: InputMode, shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def response(self, mode: InputMode, shape: Complexes) -> Complexes:
         """The part of one mode of amplitudes 2 c (outputs, turns) (harmonics, outputs, inputs, frequencies)."""
         found = np.zeros((len(self.harmonics), len(shape), len(mode.gains), len(self.omega)), complex)
         for exponent, turns, c, reach, b in terms_of(mode, shape, self.fundamental):
@@ -88,10 +88,10 @@ class Grid(Rebuilt):
     def transfer(
         self,
         modes: Sequence[InputMode],
-        shapes: Sequence[NDArray[np.complex128]],
-        direct: Mapping[int, NDArray[np.complex128]],
+        shapes: Sequence[Complexes],
+        direct: Mapping[int, Complexes],
         shape: tuple[int, int],
-    ) -> NDArray[np.complex128]:
+    ) -> Complexes:
         """G of modes of amplitudes 2 c, and of D (outputs, inputs) by harmonics from 0 on, where `shape` is of D."""
         found = np.zeros((len(self.harmonics), *shape, len(self.omega)), complex)
         for mode, own in zip(modes, shapes, strict=True):
@@ -102,9 +102,7 @@ class Grid(Rebuilt):
                 found[self.harmonics == -turn] += value.conj()[:, :, None]
         return found
 
-    def slopes(
-        self, modes: Sequence[InputMode], shapes: Sequence[NDArray[np.complex128]], free: Sequence[NDArray[np.bool_]]
-    ) -> list[NDArray[np.complex128]]:
+    def slopes(self, modes: Sequence[InputMode], shapes: Sequence[Complexes], free: Sequence[Mask]) -> list[Complexes]:
         """Derivatives of G by the `free` numbers of each mode, one after another."""
         found = []
         for mode, shape, mask in zip(modes, shapes, free, strict=True):
@@ -129,7 +127,7 @@ class Grid(Rebuilt):
                     found.append(self.response(mode.moved(step), shape) - own)
         return found
 
-    def units(self, modes: Sequence[InputMode], direct: Sequence[int], inputs: int) -> NDArray[np.complex128]:
+    def units(self, modes: Sequence[InputMode], direct: Sequence[int], inputs: int) -> Complexes:
         """Derivatives of G of an output by its amplitudes (numbers, harmonics, inputs, frequencies), of all the same.
 
         Of each mode by the real parts of its turns, then by the imaginary ones, then likewise by D of each input, of
@@ -151,7 +149,7 @@ class Grid(Rebuilt):
         return np.array(found, complex).reshape(-1, *shape)
 
 
-def turning(mode: InputMode) -> NDArray[np.bool_]:
+def turning(mode: InputMode) -> Mask:
     """Mask of the turns whose amplitude has an imaginary part (turns,)."""
     return (mode.turns > 0.0) | (not mode.real)
 
@@ -159,11 +157,11 @@ def turning(mode: InputMode) -> NDArray[np.bool_]:
 def transfer_of(
     grid: Grid,
     modes: Sequence[InputMode],
-    shapes: Sequence[NDArray[np.complex128]],
-    direct: Mapping[int, NDArray[np.complex128]],
+    shapes: Sequence[Complexes],
+    direct: Mapping[int, Complexes],
     errors: Errors,
     channels: tuple[Sequence[Channel], Sequence[Channel]],
-    free: Sequence[NDArray[np.bool_]] | None = None,
+    free: Sequence[Mask] | None = None,
 ) -> TransferFunctions:
     """G of a fit with its deviations by all that is uncertain in it, to first order."""
     outputs, inputs = channels
@@ -189,12 +187,12 @@ def transfer_of(
 def modal_transfer(
     exponent: complex,
     fundamental: float,
-    seen: tuple[NDArray[np.int64], NDArray[np.complex128]],
-    reached: tuple[NDArray[np.int64], NDArray[np.complex128]],
-    harmonics: NDArray[np.int64],
-    omega: NDArray[np.float64],
+    seen: tuple[Integers, Complexes],
+    reached: tuple[Integers, Complexes],
+    harmonics: Integers,
+    omega: Floats,
     sampled: tuple[float, Hold] | None = None,
-) -> NDArray[np.complex128]:
+) -> Complexes:
     r"""The part of one mode in G at angular frequencies (harmonics, outputs, inputs, frequencies).
 
     `seen` are the harmonics of the outputs and c (outputs, harmonics), `reached` those of the inputs and b. That of

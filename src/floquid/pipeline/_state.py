@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from floquid._arrays import Complexes
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import FloquidError, IdentificationError
 from floquid.findings import warning
@@ -15,7 +13,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.preparation import Settings, own_names, states_of
 from floquid.reconstruction import Refinement, StateModel, reconstruct, refine, structure_of
 
-Again = Callable[[NDArray[np.complex128]], Estimates]
+Again = Callable[[Complexes], Estimates]
 
 
 def state_of(

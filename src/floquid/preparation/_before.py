@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.core import Record
 from floquid.errors import IdentificationError
@@ -43,7 +43,7 @@ def without_orbit(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tupl
     return tuple(free), (note("orbit_subtracted"),)
 
 
-def _at(orbit: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at(orbit: Floats, turns: Floats) -> Floats:
     """The orbit at phases in periods (channels, samples)."""
     phases = orbit.shape[1]
     parts = np.fft.rfft(orbit, axis=1) / phases

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid._checks import input_error, wrong_value
 from floquid.checks import Parted
 from floquid.core import Channel, Record, channels_named, over_gaps, runs_of
@@ -136,7 +136,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     )
 
 
-def _repeated(times: NDArray[np.float64], turns: Sequence[float], period: float) -> NDArray[np.float64]:
+def _repeated(times: Floats, turns: Sequence[float], period: float) -> Floats:
     """An offset and the harmonics of a response that repeats (columns, samples)."""
     angles = 2.0 * np.pi / period * np.multiply.outer(np.array(turns), times)
     return np.concatenate([np.ones((1, len(times))), np.cos(angles), np.sin(angles)])
@@ -166,7 +166,7 @@ def _refuse_gaps(record: Record, row: int, of: str) -> None:
         raise input_error("records", of, "hold every sample of the inputs", got, remedy)
 
 
-def _refuse_absent(outputs: Sequence[str], values: Sequence[NDArray[np.float64]]) -> list[NDArray[np.bool_]]:
+def _refuse_absent(outputs: Sequence[str], values: Sequence[Floats]) -> list[Mask]:
     """Masks of the samples of each record at which all outputs are there; outputs that tell nothing are refused."""
     joined = np.concatenate(values, axis=1)
     missing = np.isnan(joined)
@@ -184,7 +184,7 @@ def _refuse_absent(outputs: Sequence[str], values: Sequence[NDArray[np.float64]]
     return [~np.any(np.isnan(own), axis=0, keepdims=True)[0] for own in values]
 
 
-def _partly_missing(values: Sequence[NDArray[np.float64]], whole: Sequence[NDArray[np.bool_]]) -> tuple[Finding, ...]:
+def _partly_missing(values: Sequence[Floats], whole: Sequence[Mask]) -> tuple[Finding, ...]:
     """Note samples that count for no channel, since some channel misses them."""
     partly = sum(int(np.sum(~there & ~np.isnan(own).all(axis=0))) for own, there in zip(values, whole, strict=True))
     return (note("partly_missing", samples=partly),) if partly else ()
@@ -198,7 +198,7 @@ def _faults(records: Sequence[Record], outputs: Sequence[str], settings: Setting
     )
 
 
-def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.float64]], tuple[ShaftAngle, ...]]:
+def _turned(records: Sequence[Record], of: str) -> tuple[float, list[Floats], tuple[ShaftAngle, ...]]:
     """The mean period of all records, the angle of the system over ω at their samples, and their shafts."""
     refuse_no_clock(records, of)
     shafts = shafts_of(records, lambda _: None, of)
@@ -219,7 +219,7 @@ def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.
     return period, [own * period / (2.0 * np.pi) for own in angles], shafts
 
 
-def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: float, period: float) -> None:
+def _refuse(names: Sequence[str], inputs: Sequence[Floats], rate: float, period: float) -> None:
     """Refuse inputs that say nothing: none, copies, periodic ones."""
     whole = np.concatenate(inputs, axis=1)
     centred = whole - whole.mean(axis=1, keepdims=True)
@@ -243,7 +243,7 @@ def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: f
             )
 
 
-def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> float:
+def _off_harmonics(values: Floats, rate: float, period: float) -> float:
     """The share of the energy of the inputs of one record that is off the harmonics of the period."""
     periods = int(values.shape[1] / (rate * period))
     if periods < 3:

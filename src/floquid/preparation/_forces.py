@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import wrong_value
 from floquid.core import Record
 from floquid.errors import IdentificationError
@@ -88,21 +88,21 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
             )
 
 
-def goes_on(values: NDArray[np.float64]) -> bool:
+def goes_on(values: Floats) -> bool:
     """True for a force (samples,) that is no series of blows."""
     about = values - np.nanmedian(values)
     size = float(np.sqrt(np.nanmean(about**2)))
     return size > 0.0 and float(np.nanmax(np.abs(about))) < PEAKED * size
 
 
-def is_white(values: NDArray[np.float64]) -> bool:
+def is_white(values: Floats) -> bool:
     """True where the energy of a channel (samples,) is spread over its spectrum as that of noise."""
     filled = np.nan_to_num(values - np.nanmean(values))
     power = np.abs(np.fft.rfft(filled * np.hanning(len(filled)))) ** 2
     return _spread(power) >= WHITE * len(power)
 
 
-def _spread(power: NDArray[np.float64]) -> float:
+def _spread(power: Floats) -> float:
     """Lines of a spectrum (lines,) over which its energy is spread."""
     return float(power.sum()) ** 2 / max(float(np.sum(power**2)), np.finfo(float).tiny)
 
@@ -128,7 +128,7 @@ def is_random(record: Record, period: float | None) -> bool:
     return float(thirds.min()) > LASTING * float(thirds.max())
 
 
-def _scaled(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _scaled(values: Floats) -> Floats:
     """A channel (samples,) about its mean, of unit size, missing samples zero."""
     filled = np.nan_to_num(values - np.nanmean(values))
     return filled / max(float(np.sqrt(np.mean(filled**2))), np.finfo(float).tiny)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._arrays import Floats
 from floquid.checks import BESIDE, MOST_PERIODS
@@ -34,9 +33,9 @@ PURE = 50.0
 class Lines:
     """Lines of records at multiples and fractions of the fundamental."""
 
-    outputs: Sequence[NDArray[np.float64]]
-    inputs: Sequence[NDArray[np.float64]]
-    times: Sequence[NDArray[np.float64]]
+    outputs: Sequence[Floats]
+    inputs: Sequence[Floats]
+    times: Sequence[Floats]
     rate: float
     period: float
 
@@ -70,13 +69,13 @@ class Lines:
                 found = both if both <= MOST_PERIODS else found  # lines of 1/4 and 1/5 are no revolution of 20 periods
         return found
 
-    def _up_to_highest(self, periods_of_turn: float) -> NDArray[np.float64]:
+    def _up_to_highest(self, periods_of_turn: float) -> Floats:
         """The harmonics of the period and of the revolution that are looked at, over the fundamental (harmonics,)."""
         highest = min(STEADY_LINES, int(0.5 * self.rate * self.period - 1e-6))
         fractions = np.arange(1, int(highest * periods_of_turn) + 1) / periods_of_turn
         return np.union1d(np.arange(1.0, highest + 1.0), fractions)
 
-    def _above(self, harmonics: NDArray[np.float64], values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def _above(self, harmonics: Floats, values: Sequence[Floats]) -> Floats:
         """Lines over those beside, the most of all channels and records (harmonics,)."""
         each = [
             _above_beside(own, times, self.period, harmonics) for own, times in zip(values, self.times, strict=True)
@@ -84,9 +83,7 @@ class Lines:
         return np.max(np.concatenate([np.zeros((1, len(harmonics))), *each]), axis=0)
 
 
-def _above_beside(
-    values: NDArray[np.float64], times: NDArray[np.float64], period: float, harmonics: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _above_beside(values: Floats, times: Floats, period: float, harmonics: Floats) -> Floats:
     """The amplitudes of lines at harmonics over the rms of those beside each (channels, harmonics).
 
     Phases are products of those at whole harmonics and at fractions, and lines beside are sums with cosines and sines

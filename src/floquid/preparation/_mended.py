@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.core import Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
@@ -93,7 +93,7 @@ def _responses(record: Record, inputs: Sequence[str] = ()) -> list[int]:
     ]
 
 
-def _grows(values: NDArray[np.float64], first: int, last: int) -> bool:
+def _grows(values: Floats, first: int, last: int) -> bool:
     """True where a channel is typically larger in the stretch after these samples than in that before."""
     before = values[:, max(first - STRETCH, 0) : first]
     after = values[:, last + 1 : last + 1 + STRETCH]
@@ -104,7 +104,7 @@ def _grows(values: NDArray[np.float64], first: int, last: int) -> bool:
     return bool((sizes[1] > GROWN * sizes[0]).any())
 
 
-def _stands_alone(values: NDArray[np.float64], first: int, last: int) -> bool:
+def _stands_alone(values: Floats, first: int, last: int) -> bool:
     """True where a sample of this stretch is far from both its neighbours, and these are not from theirs.
 
     A lone sample bends the line through three by its height there, and by half of it the other way on either side; a
@@ -123,7 +123,7 @@ def _stands_alone(values: NDArray[np.float64], first: int, last: int) -> bool:
     return bool(max(np.abs(shares[[place - 1, place + 1]] + 0.5)) < 0.5 * ALONE and np.nanmax(others) < ALONE)
 
 
-def _with(record: Record, values: NDArray[np.float64]) -> Record:
+def _with(record: Record, values: Floats) -> Record:
     """The record with other values."""
     values.flags.writeable = False
     return replace(record, values=values)

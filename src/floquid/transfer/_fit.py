@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
@@ -50,9 +50,9 @@ class TransferFit(Rebuilt):
     measured: TransferFunctions
     model: PeriodicModel
     modal: Modal
-    covariance: NDArray[np.float64]
+    covariance: Floats
     hold: Hold
-    begins: NDArray[np.float64]
+    begins: Floats
     chi_square: float
     degrees: int
     findings: tuple[Finding, ...] = ()
@@ -206,7 +206,7 @@ def _flattened(said: Mapping[str, Mapping[str, Any]], model: PeriodicModel) -> l
     return [told("modes_of_lines_flattened", frequencies=hertz.tolist(), window=window)] if hertz.size else []
 
 
-def _model(lines: Lines, modal: Modal, covariance: NDArray[np.float64], own: TransferFunctions) -> PeriodicModel:
+def _model(lines: Lines, modal: Modal, covariance: Floats, own: TransferFunctions) -> PeriodicModel:
     """The periodic model of a fit, each mode with its conjugate, with deviations."""
     whole = _errors(modal, covariance, len(own.outputs))
     begins, direct = lines.echoes[1][: len(modal.modes[0].initial)], dict(enumerate(modal.direct))
@@ -218,6 +218,6 @@ def _model(lines: Lines, modal: Modal, covariance: NDArray[np.float64], own: Tra
     )
 
 
-def _errors(modal: Modal, covariance: NDArray[np.float64], outputs: int) -> Errors:
+def _errors(modal: Modal, covariance: Floats, outputs: int) -> Errors:
     """Errors of the free numbers of the modes, and of the amplitudes of each output."""
     return Errors.of_joint(covariance, sum(int(mode.free.sum()) for mode in modal.modes), outputs)

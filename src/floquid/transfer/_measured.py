@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array
 from floquid.core import Channel
 from floquid.findings import Finding, Severity, texts
@@ -47,11 +47,11 @@ class MeasuredTransfer(Rebuilt):
     transfer: TransferFunctions
     period: float
     method: str
-    noise: NDArray[np.float64]
-    coherence: NDArray[np.float64]
-    nonlinear: NDArray[np.float64]
-    echoes: NDArray[np.complex128]
-    begins: NDArray[np.float64]
+    noise: Floats
+    coherence: Floats
+    nonlinear: Floats
+    echoes: Complexes
+    begins: Floats
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
@@ -75,9 +75,9 @@ class MeasuredTransfer(Rebuilt):
 def measured_of(
     samples: Samples,
     channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
-    lines: tuple[NDArray[np.int64], int],
-    harmonics: NDArray[np.int64],
-    g: tuple[NDArray[np.complex128], NDArray[np.complex128] | None],
+    lines: tuple[Integers, int],
+    harmonics: Integers,
+    g: tuple[Complexes, Complexes | None],
     **rest: Any,
 ) -> MeasuredTransfer:
     """G of samples and its deviations at some lines of a spectrum, with the rest of what was measured."""

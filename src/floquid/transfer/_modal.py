@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid._checks import Rebuilt
 from floquid.fit import (
     AT_REST,
@@ -40,25 +41,25 @@ class Lines(Grid):
 
     # G and its deviations, that of the real part as the real part (harmonics, outputs, inputs, frequencies), NaN where
     # it was not measured
-    values: NDArray[np.complex128]
-    std: NDArray[np.complex128]
+    values: Complexes
+    std: Complexes
     # What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
     # times at which the records begin [s]
-    echoes: tuple[NDArray[np.complex128], NDArray[np.float64]]
+    echoes: tuple[Complexes, Floats]
     alive: bool = False  # True where the transient is fitted from the first on, False where it is tried at last
 
     @cached_property
-    def there(self) -> NDArray[np.bool_]:
+    def there(self) -> Mask:
         """Mask of what was measured (harmonics, outputs, inputs, frequencies)."""
         return np.asarray(np.isfinite(self.values) & (self.std.real > 0.0) & (self.std.imag > 0.0))
 
-    def weighed(self, values: NDArray[np.complex128], output: int) -> NDArray[np.float64]:
+    def weighed(self, values: Complexes, output: int) -> Floats:
         """Real and imaginary parts of what was measured of one output over their deviations (…, 2 · values)."""
         there = self.there[:, output]
         own, std = values[..., there], self.std[:, output][there]
         return np.concatenate([own.real / std.real, own.imag / std.imag], axis=-1)
 
-    def response(self, mode: InputMode, shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def response(self, mode: InputMode, shape: Complexes) -> Complexes:
         """The part of one mode of amplitudes 2 c (outputs, turns) (harmonics, outputs, inputs, frequencies)."""
         found = super().response(mode, shape)
         weights, begins = self.echoes
@@ -83,14 +84,14 @@ class Modal(Rebuilt):
     """Modes with amplitudes 2 c (outputs, turns) each, and D (outputs, inputs) at harmonics from 0 on."""
 
     modes: tuple[InputMode, ...]
-    shapes: tuple[NDArray[np.complex128], ...]
-    direct: tuple[NDArray[np.complex128], ...] = ()
+    shapes: tuple[Complexes, ...]
+    direct: tuple[Complexes, ...] = ()
 
-    def transfer(self, lines: Lines) -> NDArray[np.complex128]:
+    def transfer(self, lines: Lines) -> Complexes:
         """G (harmonics, outputs, inputs, frequencies)."""
         return lines.transfer(self.modes, self.shapes, dict(enumerate(self.direct)), lines.values.shape[1:3])
 
-    def moved(self, step: NDArray[np.float64]) -> Modal:
+    def moved(self, step: Floats) -> Modal:
         """With the free numbers of the modes moved by a step."""
         steps = steps_of(self.modes, step)
         return replace(self, modes=tuple(mode.moved(own) for mode, own in zip(self.modes, steps, strict=True)))
@@ -130,11 +131,11 @@ class Fitted(Rebuilt):
 
     lines: Lines
     modal: Modal
-    columns: tuple[NDArray[np.float64], ...]
+    columns: tuple[Floats, ...]
     """Derivatives by the amplitudes of each output, weighed (numbers, rows)."""
-    bases: tuple[NDArray[np.float64], ...]
+    bases: tuple[Floats, ...]
     """Orthonormal columns that span them (rows, …)."""
-    left: tuple[NDArray[np.float64], ...]
+    left: tuple[Floats, ...]
 
     @property
     def cost(self) -> float:
@@ -147,7 +148,7 @@ class Fitted(Rebuilt):
         return sum(int(mode.free.sum()) for mode in self.modal.modes) + sum(map(len, self.columns))
 
     @cached_property
-    def slopes(self) -> list[NDArray[np.float64]]:
+    def slopes(self) -> list[Floats]:
         """Derivatives of each output by the free numbers of the modes, weighed (numbers, rows)."""
         modes, shape = self.modal.modes, (-1, *self.lines.values.shape)
         slopes = self.lines.slopes(modes, self.modal.shapes, [mode.free for mode in modes])
@@ -155,16 +156,16 @@ class Fitted(Rebuilt):
         return [self.lines.weighed(slopes[:, :, output], output) for output in range(len(self.left))]
 
     @cached_property
-    def apart(self) -> NDArray[np.float64]:
+    def apart(self) -> Floats:
         """Slopes less their part along the amplitudes (numbers, rows of all outputs)."""
         return np.concatenate([own - (own @ q) @ q.T for own, q in zip(self.slopes, self.bases, strict=True)], axis=1)
 
     @cached_property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Floats:
         """Covariance of the free numbers of the modes (numbers, numbers)."""
         return _inverse(self.apart)
 
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Floats:
         """Joint covariance of the free numbers of the modes and of the amplitudes of one output after another."""
         inverses, by = [_inverse(own) for own in self.columns], [np.eye(len(self.parameters))]
         for inverse, own, slope in zip(inverses, self.columns, self.slopes, strict=True):
@@ -176,7 +177,7 @@ class Fitted(Rebuilt):
         return found
 
 
-def _inverse(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse(rows: Floats) -> Floats:
     """The inverse of the products of some rows, directions that are rounding left out of none."""
     return scaled_inverse(rows @ rows.T, ROUNDING, floor=True)
 
@@ -225,7 +226,7 @@ SAME = 0.05  # the distance of two exponents over their decay below which they a
 
 def near_real(
     modes: Sequence[InputMode],
-    parameters: Callable[[], NDArray[np.float64]],
+    parameters: Callable[[], Floats],
     omega: float,
     refused: list[complex],
     within: float = OFF_AXIS,

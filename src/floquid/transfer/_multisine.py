@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.core import Channel, ConstantPeriod, Record
 
@@ -43,12 +43,12 @@ class Multisine(Rebuilt):
         Residue classes modulo J that no line is in: what the response has there is noise or not linear (classes,).
     """
 
-    values: NDArray[np.float64]
+    values: Floats
     sample_rate: float
     period: float
     turns: int
-    lines: tuple[NDArray[np.int64], ...]
-    spare: NDArray[np.int64]
+    lines: tuple[Integers, ...]
+    spare: Integers
 
     def __post_init__(self) -> None:
         of, put = "Multisine", object.__setattr__
@@ -57,7 +57,7 @@ class Multisine(Rebuilt):
         put(self, "spare", frozen_array(self.spare, "spare", of, axes=("classes",), dtype=np.int64))
 
     @property
-    def frequencies_hz(self) -> tuple[NDArray[np.float64], ...]:
+    def frequencies_hz(self) -> tuple[Floats, ...]:
         """The lines of each input [Hz]."""
         return tuple(own / (self.turns * self.period) for own in self.lines)
 
@@ -162,9 +162,7 @@ def multisine(
     )
 
 
-def _spread(
-    candidates: NDArray[np.int64], pairs: NDArray[np.int64], classes: NDArray[np.int64], generator: np.random.Generator
-) -> NDArray[np.int64]:
+def _spread(candidates: Integers, pairs: Integers, classes: Integers, generator: np.random.Generator) -> Integers:
     """One line of each class, ascending, each in a strip of the band of its own where there is such a choice."""
     from scipy.optimize import linear_sum_assignment
 
@@ -180,7 +178,7 @@ def _spread(
     return np.sort(np.array(found, np.int64))
 
 
-def _flattest(lines: NDArray[np.int64], samples: int, generator: np.random.Generator) -> NDArray[np.float64]:
+def _flattest(lines: Integers, samples: int, generator: np.random.Generator) -> Floats:
     """Equal amplitudes at some lines, of the phases drawn those of the least peak, with an rms of 1 (samples,)."""
     best, least = np.zeros(samples), np.inf
     for _ in range(DRAWS):

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK
+from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
@@ -30,8 +30,8 @@ def by_polynomials(
     samples: Samples,
     harmonics: Sequence[int],
     channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
-    frequencies_hz: NDArray[np.float64] | int = 400,
-    reference: NDArray[np.float64] | None = None,
+    frequencies_hz: Floats | int = 400,
+    reference: Floats | None = None,
 ) -> MeasuredTransfer:
     r"""G by least squares over the lines beside each (local polynomial method).
 
@@ -111,7 +111,7 @@ def by_polynomials(
     )
 
 
-def _refuse_lines(values: NDArray[np.complex128], hertz: NDArray[np.float64]) -> None:
+def _refuse_lines(values: Complexes, hertz: Floats) -> None:
     """Refuse inputs that tell G at fewer than half of the frequencies (harmonics, outputs, inputs, frequencies)."""
     without = np.isnan(values).any(axis=(0, 1, 2))
     if 2 * np.count_nonzero(without) > len(hertz):
@@ -125,9 +125,9 @@ def _refuse_lines(values: NDArray[np.complex128], hertz: NDArray[np.float64]) ->
 def _flattened(
     outputs: NDArray,
     inputs: tuple[NDArray, NDArray],
-    middle: NDArray[np.int64],
-    bends: NDArray[np.float64],
-    harmonics: NDArray[np.int64],
+    middle: Integers,
+    bends: Floats,
+    harmonics: Integers,
     periods: int,
     half: int,
 ) -> list[Finding]:
@@ -163,20 +163,20 @@ def whole_periods(samples: Samples) -> tuple[int, int]:
     )
 
 
-def spectra_of(samples: Samples, signals: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
+def spectra_of(samples: Samples, signals: Floats, count: int) -> Complexes:
     """Spectra of the first samples of each record, their phases those at phase zero (records, signals, lines)."""
     turned = np.exp(-2j * np.pi * np.fft.fftfreq(count, samples.step) * samples.first_times[:, None, None])
     return np.array([np.fft.fft(signals[:, own.start : own.start + count]) for own in samples.records]) * turned
 
 
-def chosen_lines(inputs: NDArray, frequencies_hz: NDArray[np.float64] | int, step: float) -> NDArray[np.int64]:
+def chosen_lines(inputs: NDArray, frequencies_hz: Floats | int, step: float) -> Integers:
     """The lines nearest to frequencies [Hz], or a number of them over what inputs (records, inputs, lines) excite."""
     if isinstance(frequencies_hz, int):
         return _excited(inputs, frequencies_hz)
     return np.unique(np.rint(frequencies_hz * inputs.shape[2] * step).astype(int))
 
 
-def _excited(inputs: NDArray, count: int) -> NDArray[np.int64]:
+def _excited(inputs: NDArray, count: int) -> Integers:
     """Lines, a number at most, over the band in which the inputs have their power."""
     half = inputs.shape[2] // 2
     power = np.sum(np.abs(inputs[:, :, 1:half]) ** 2, axis=(0, 1))
@@ -188,8 +188,8 @@ def _excited(inputs: NDArray, count: int) -> NDArray[np.int64]:
 def _windows(
     outputs: NDArray,
     inputs: tuple[NDArray, NDArray],
-    middle: NDArray[np.int64],
-    harmonics: NDArray[np.int64],
+    middle: Integers,
+    harmonics: Integers,
     periods: int,
     half: int,
     degree: int = DEGREE,
@@ -244,7 +244,7 @@ def by_chirps(
     samples: Samples,
     harmonics: Sequence[int],
     channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
-    frequencies_hz: NDArray[np.float64] | int = 400,
+    frequencies_hz: Floats | int = 400,
     curvature: float = CURVATURE,
 ) -> MeasuredTransfer:
     r"""G at all lines at once, by least squares with its curvature over frequency penalised (Siddiqi 2001).
@@ -309,7 +309,7 @@ def by_chirps(
     )
 
 
-def _refuse_alike(meeting: NDArray[np.complex128]) -> None:
+def _refuse_alike(meeting: Complexes) -> None:
     """Refuse records whose inputs (records, inputs, lines, harmonics) are in each line one another's sum."""
     parts = np.moveaxis(meeting, 2, 0).reshape(meeting.shape[2], len(meeting), -1)
     power = np.sum(np.abs(parts) ** 2, axis=1)

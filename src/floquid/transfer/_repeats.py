@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
@@ -138,7 +139,7 @@ def _spectra(samples: Samples, count: int, drop: int) -> list[tuple[NDArray, NDA
     return found
 
 
-def _means(records: list[NDArray]) -> tuple[NDArray, NDArray[np.float64]]:
+def _means(records: list[NDArray]) -> tuple[NDArray, Floats]:
     """Means of the repeats of each record (records, channels, lines), and the variance of one (channels, lines)."""
     means = np.array([own.mean(axis=1) for own in records])
     free = sum(own.shape[1] - 1 for own in records)
@@ -146,12 +147,12 @@ def _means(records: list[NDArray]) -> tuple[NDArray, NDArray[np.float64]]:
     return means, np.maximum(_beside(np.sum(apart, axis=0) / free), _rounding(means))
 
 
-def _rounding(means: NDArray) -> NDArray[np.float64]:
+def _rounding(means: NDArray) -> Floats:
     """The variance below which noise is rounding (channels, 1), of means (records, channels, lines)."""
     return (ROUNDING * np.abs(means).max(axis=(0, 2))[:, None]) ** 2
 
 
-def _without_ringing(own: NDArray) -> NDArray[np.float64]:
+def _without_ringing(own: NDArray) -> Floats:
     """The variance of a repeat (channels, lines) of a record (channels, repeats, lines) beside what rings on."""
     # What rings falls from repeat to repeat by one factor at all lines beside a resonance: it is one direction of the
     # differences between repeats, and where the largest variance of any direction stands out, it is left out.
@@ -173,7 +174,7 @@ def _beside(variance: NDArray) -> NDArray:
     return (total[..., width:] - total[..., :-width]) / width
 
 
-def _refuse_collisions(excited: NDArray[np.bool_], turns: int) -> None:
+def _refuse_collisions(excited: Mask, turns: int) -> None:
     """Refuse lines whose responses fall on one another."""
     lines = np.concatenate([np.flatnonzero(own) for own in excited])
     pairs = np.minimum(lines % turns, -lines % turns)
@@ -185,9 +186,7 @@ def _refuse_collisions(excited: NDArray[np.bool_], turns: int) -> None:
         )
 
 
-def _nonlinear(
-    records: list[NDArray], spread: NDArray[np.float64], excited: NDArray[np.bool_], turns: int
-) -> tuple[NDArray[np.float64], int]:
+def _nonlinear(records: list[NDArray], spread: Floats, excited: Mask, turns: int) -> tuple[Floats, int]:
     """The power in the classes that no line is in over that of the noise (outputs,), and how many lines those are."""
     line = np.arange(1, spread.shape[1] // 2)
     pairs = np.minimum(line % turns, -line % turns)
@@ -228,7 +227,7 @@ def _above(ratio: float, lines: int) -> bool:
     return bool(lines and chdtrc(2 * lines, 2 * lines * ratio) < SURE and ratio > 1.0 + MARGIN)
 
 
-def _not_linear(nonlinear: NDArray[np.float64], lines: int, names: Sequence[str]) -> list[Finding]:
+def _not_linear(nonlinear: Floats, lines: int, names: Sequence[str]) -> list[Finding]:
     """Findings on outputs with power where a linear system has none."""
     return [
         warning("measured_nonlinear", channel=name, ratio=ratio)

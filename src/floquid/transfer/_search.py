@@ -7,8 +7,8 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Mask
 from floquid.fit import FEW_STEPS, RARE, chi2_limit
 from floquid.inputs import InputMode, Limits
 from floquid.search import LOOSE
@@ -121,9 +121,7 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
     return fitted(lines, min(trials, key=lambda one: one.cost).modal) if trials else None
 
 
-def _bare(
-    lines: Lines, exponent: complex, main: int, bands: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-) -> InputMode:
+def _bare(lines: Lines, exponent: complex, main: int, bands: tuple[Floats, Floats] | None = None) -> InputMode:
     """A mode reached by one harmonic above all: a pair with one on either side, or a real one of some bands."""
     inputs, records = lines.values.shape[2], len(lines.echoes[1]) * lines.alive
     turns, reach = (np.arange(-1.0, 2.0),) * 2 if bands is None else bands
@@ -176,7 +174,7 @@ def _joined(modal: Modal, more: Sequence[InputMode]) -> Modal:
     return Modal((*modal.modes, *more), (*modal.shapes, *bare), modal.direct)
 
 
-def _candidates(lines: Lines, residual: NDArray[np.complex128]) -> list[complex]:
+def _candidates(lines: Lines, residual: Complexes) -> list[complex]:
     """Exponents that explain most of a residual, harmonics each with an amplitude of its own, best first."""
     low, high = float(lines.omega.min()), float(lines.omega.max())
     gap = (high - low) / max(len(lines.omega) - 1, 1)
@@ -202,7 +200,7 @@ def _candidates(lines: Lines, residual: NDArray[np.complex128]) -> list[complex]
     return chosen
 
 
-def _resonances(lines: Lines, poles: NDArray[np.complex128], there: NDArray[np.bool_]) -> NDArray[np.complex128]:
+def _resonances(lines: Lines, poles: Complexes, there: Mask) -> Complexes:
     """1/(i(Ω + lω) - λ), or that of samples, of l from -1 to 1 (exponents, 3, frequencies)."""
     turned = 1j * (lines.omega[there] + np.arange(-1, 2)[:, None] * lines.fundamental)
     if lines.held is None:

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from cyclopts import Parameter
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from floquid._arrays import Integers, Mask
 from floquid._checks import counted, input_error, wrong_value
 from floquid._json import for_json
 from floquid.cli.arguments.options import Choices, RecordOptions, choices_of, given
@@ -257,7 +257,7 @@ def print_transfer(console: Console, found: TransferFunctions) -> None:
     console.print("Response at f + m/T to an input at f; digits in brackets are one standard deviation.", style="dim")
 
 
-def _spread(there: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _spread(there: Mask) -> Integers:
     """Some places of those that are there, spread over them."""
     places = np.flatnonzero(there)
     return places[np.unique(np.linspace(0, len(places) - 1, min(SHOWN, len(places))).astype(int))]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid.fit import FEW_STEPS, HALF_DIGITS, Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
@@ -59,7 +59,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without the harmonics at the ends of bands that noise explains together, the least of all ends first."""
     # Half as many go at once where a linearisation does not hold as far as that: of modes that are nearly one.
     period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
-    spread: NDArray[np.float64] | None = None
+    spread: Floats | None = None
     while most and not limits.over:
         spread = inverse_of(roughly(samples, now), anchored(now)) if spread is None else spread
         bands, step = _narrower(now, spread, limits, most)
@@ -82,9 +82,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     return now
 
 
-def _narrower(
-    now: Predictor, spread: NDArray[np.float64], limits: Limits, most: int
-) -> tuple[list[tuple[NDArray[np.bool_], NDArray[np.bool_]]], NDArray[np.float64]]:
+def _narrower(now: Predictor, spread: Floats, limits: Limits, most: int) -> tuple[list[tuple[Mask, Mask]], Floats]:
     """The harmonics of shape and gains that are kept, and the step to what all are without the others."""
     free = anchored(now)
     before = np.concatenate([*(mode.parameters for mode in now.modes), np.zeros(now.columns.size + now.initial.size)])
@@ -112,13 +110,13 @@ def _narrower(
         own[rows] = 0.0
 
 
-def _mask(mode: Mode, turns: NDArray[np.bool_], reach: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _mask(mode: Mode, turns: Mask, reach: Mask) -> Mask:
     """The parameters of some harmonics of the shape (turns,) and of the gains (reach,) among all of a mode."""
     gains, shape = np.tile(reach, len(mode.gains)), np.tile(turns, len(mode.shape))
     return np.concatenate([np.zeros(mode.rows, bool), gains, gains, shape, shape])
 
 
-def _score(normal: Normal, inverse: NDArray[np.float64], rows: NDArray[np.int64]) -> float:
+def _score(normal: Normal, inverse: Floats, rows: Integers) -> float:
     """The gain in twice the logarithm of the likelihood by parameters that are zero now (score test)."""
     mixed = normal.matrix[rows]
     left = mixed[:, rows] - mixed @ inverse @ mixed.T
@@ -126,7 +124,7 @@ def _score(normal: Normal, inverse: NDArray[np.float64], rows: NDArray[np.int64]
     return score_gain(pull, left, HALF_DIGITS, before=np.diag(mixed[:, rows]))
 
 
-def anchored(now: Predictor) -> NDArray[np.bool_]:
+def anchored(now: Predictor) -> Mask:
     """Parameters without the largest gain of each mode, which says what its scale is, and those of no effect."""
     free = []
     for mode in now.modes:

@@ -10,8 +10,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import NearAxis, read_blocks
 from floquid.fit import begun_off, block_stands, couples, half_of, near_axis, with_blocks
 from floquid.innovations._mode import Mode
@@ -53,7 +53,7 @@ def read_near_axis(samples: Samples, now: Predictor, limits: Limits) -> NearAxis
     return NearAxis.of(now if found is None else centred(samples, found), blocks, now.modes, omega)
 
 
-def _exponents(modes: Sequence[Mode]) -> NDArray[np.int64]:
+def _exponents(modes: Sequence[Mode]) -> Integers:
     """The parameters that are the real and the imaginary part of each exponent, or σ and q (modes, 2)."""
     firsts = np.array([place.start for place in places(modes)], np.int64)
     return firsts[:, None] + np.array([[0, mode.rows - 1] for mode in modes], np.int64).reshape(-1, 2)
@@ -90,7 +90,7 @@ def _begun(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predicto
     return predicted(samples, [*(now.modes[k] for k in rest), block], now.columns, initial, now.whitening)
 
 
-def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
+def block_of_pair(samples: Samples, mode: Mode, initial: Floats) -> tuple[Mode, Floats]:
     """The block of a pair, about the axis that it is nearest to, and its states at the starts of the records."""
     # Its states are the real part of z, and the imaginary one over the distance from the axis.
     omega, half = samples.fundamental, half_of(mode, samples.fundamental)
@@ -113,9 +113,7 @@ def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) ->
     return divided(block.widened(*bands), np.stack([state.real, state.imag / away], axis=1))
 
 
-def block_of_reals(
-    modes: Sequence[Mode], states: Sequence[NDArray[np.float64]], omega: float
-) -> tuple[Mode, NDArray[np.float64]]:
+def block_of_reals(modes: Sequence[Mode], states: Sequence[Floats], omega: float) -> tuple[Mode, Floats]:
     """The block of two real multipliers of one sign, with harmonics as wide, and its states at the starts."""
     decays = np.array([mode.exponent.real for mode in modes])
     (one, other), (first, second) = ([own[k] for k in np.argsort(-decays)] for own in (modes, states))
@@ -138,7 +136,7 @@ def block_of_reals(
     return divided(block, np.concatenate([0.5 * (first + second), 0.5 * (first - second) / apart], axis=1))
 
 
-def divided(block: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
+def divided(block: Mode, initial: Floats) -> tuple[Mode, Floats]:
     """A block and its states, both divided by the gain that is largest: the same block."""
     # What the second state has over the first is all but a multiple of what that has, where a pair is near its axis.
     assert block.square is not None
@@ -155,7 +153,7 @@ def divided(block: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np
     return block, np.stack(states, axis=1) / norm
 
 
-def ordinary(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tuple[list[Mode], NDArray[np.float64]]:
+def ordinary(samples: Samples, mode: Mode, initial: Floats) -> tuple[list[Mode], Floats]:
     """The pair, or the two real multipliers, that a block is, and their states at the starts of the records."""
     assert mode.square is not None
     root, omega = float(np.sqrt(abs(mode.square))), samples.fundamental
@@ -180,9 +178,7 @@ def ordinary(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tupl
     return [pair], np.stack([state.real, state.imag], axis=1)
 
 
-def _both_sides(
-    band: NDArray[np.float64], parts: Sequence[NDArray[np.complex128]]
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _both_sides(band: Floats, parts: Sequence[Complexes]) -> tuple[Floats, Complexes]:
     """Harmonics of both signs, and amplitudes of a real function and of one times i there (rows, harmonics)."""
     wide = np.arange(-band[-1], band[-1] + 0.5)
     found = np.zeros((len(parts[0]), len(wide)), complex)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid.core import NearAxis
 from floquid.errors import IdentificationError
 from floquid.fit import FEW_STEPS, OFF, ROUNDS, chi2_limit
@@ -43,7 +43,7 @@ PARTNERS = (0.1, 0.3, 1.0)
 
 
 def searched(
-    samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None] = lambda _: None
+    samples: Samples, first: Floats, limits: Limits, report: Callable[[str], None] = lambda _: None
 ) -> tuple[NearAxis[Predictor], bool]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs."""
     outputs = _none(samples).noise
@@ -65,7 +65,7 @@ def searched(
 
 
 def _searched(
-    samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]
+    samples: Samples, first: Floats, limits: Limits, report: Callable[[str], None]
 ) -> tuple[NearAxis[Predictor], bool]:
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     none = now = replace(_none(samples), whitening=whitening_of(samples, first))
@@ -135,7 +135,7 @@ def _to_the_end(
 
 
 def _with_one_more(
-    samples: Samples, driven: Samples, now: Predictor, before: NDArray[np.complex128], limits: Limits
+    samples: Samples, driven: Samples, now: Predictor, before: Complexes, limits: Limits
 ) -> Predictor | None:
     """The predictor with the candidate that explains most of the innovations; None where noise does."""
     own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)

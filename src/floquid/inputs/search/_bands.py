@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Integers, Mask
 from floquid.fit import FEW_STEPS, REST, wald_rise
 from floquid.inputs._modes import InputMode, ends_of
 from floquid.inputs._samples import Samples
@@ -200,12 +200,12 @@ def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int 
             yield Edit(float(changes[best]), number, band, tuple(beyond[: best + 1]), True)
 
 
-def _seen_at(at: Linearisation, number: int, turn: float, samples: Samples, own: slice) -> NDArray[np.float64]:
+def _seen_at(at: Linearisation, number: int, turn: float, samples: Samples, own: slice) -> Floats:
     """Columns of a harmonic of the outputs that a mode may have, in a part of the samples."""
     return columns_of(samples, replace(at.modes[number], turns=np.array([turn])), at.states[number][..., own])
 
 
-def _direct_at(turn: float, samples: Samples, _: slice) -> NDArray[np.float64]:
+def _direct_at(turn: float, samples: Samples, _: slice) -> Floats:
     """Columns of a harmonic of the direct term, in a part of the samples."""
     both = samples.kept(samples.turned(turn) * samples.inputs)
     return np.concatenate([both.real, both.imag]) if turn else both.real
@@ -220,7 +220,7 @@ def _shrinkages(point: Point) -> Iterator[Edit]:
         place += len(block)
         columns, turning = at.slices()[number]
         spread = block @ block.T
-        weights: tuple[tuple[str, Callable[[NDArray[np.int64]], float], Callable[..., float]], ...] = (
+        weights: tuple[tuple[str, Callable[[Integers], float], Callable[..., float]], ...] = (
             ("turns", lambda which, own=(columns, turning): _weight(at, *own, which), price.seen),
             ("reach", lambda which, own=(mode, spread): _input_weight(*own, which), price.driven),
         )
@@ -236,7 +236,7 @@ def _shrinkages(point: Point) -> Iterator[Edit]:
 
 
 def _tails(
-    number: int, mode: InputMode, band: str, weight: Callable[[NDArray[np.int64]], float], of: Callable[..., float]
+    number: int, mode: InputMode, band: str, weight: Callable[[Integers], float], of: Callable[..., float]
 ) -> Iterator[Edit]:
     """The tails of a band that are best left out, one at each end."""
     harmonics = getattr(mode, band)
@@ -266,7 +266,7 @@ def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) 
     return mode if mode.exponent.imag >= 0.0 else mode.conjugated()
 
 
-def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], which: NDArray[np.int64]) -> float:
+def _weight(now: Linearisation, columns: slice, turning: Mask, which: Integers) -> float:
     """Squared deviations of the coefficients of some harmonics from zero, of all channels."""
     later = len(turning) + np.cumsum(turning) - 1
     index = columns.start + np.concatenate([which, later[which[turning[which]]]])
@@ -275,7 +275,7 @@ def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], whic
     return wald_rise(own, now.inverse[np.ix_(index, index)])
 
 
-def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[np.int64]) -> float:
+def _input_weight(mode: InputMode, spread: Floats, which: Integers) -> float:
     """Squared deviations of the gains of some harmonics of the inputs from zero."""
     # Infinite where one is the scale of the mode.
     free, size, starts = mode.free, mode.gains.size, len(mode.initial)

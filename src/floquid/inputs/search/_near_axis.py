@@ -10,8 +10,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import NearAxis, read_blocks
 from floquid.fit import begun_off, block_stands, couples, half_of, with_blocks
 from floquid.inputs._modes import InputMode, runs_away
@@ -38,7 +38,7 @@ def read_near_axis(samples: Samples, now: Linearisation) -> NearAxis[Linearisati
     return NearAxis.of(at, blocks, now.modes, samples.fundamental)
 
 
-def _places(modes: Sequence[InputMode]) -> NDArray[np.int64]:
+def _places(modes: Sequence[InputMode]) -> Integers:
     """The free parameters that are the real and the imaginary part of each exponent, or σ and q (modes, 2)."""
     ends = np.cumsum([0, *(mode.free.sum() for mode in modes)])
     seconds = [
@@ -123,9 +123,7 @@ def ordinary(samples: Samples, mode: InputMode) -> list[InputMode]:
     return [replace(up, exponent=exponent, reach=reach + low, gains=gains, turns=turns - low, initial=initial).scaled()]
 
 
-def _folded(
-    turns: NDArray[np.float64], values: NDArray[np.complex128]
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _folded(turns: Floats, values: Complexes) -> tuple[Floats, Complexes]:
     """Harmonics from zero or ½ on, and amplitudes there (rows, harmonics), of the real part of a complex signal."""
     found = np.arange(turns[0] % 1.0, np.abs(turns).max() + 0.5)
     amplitudes = np.zeros((len(values), len(found)), complex)

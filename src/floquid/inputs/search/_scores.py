@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK
+from floquid._arrays import BLOCK, Complexes, Floats, Mask
 from floquid.fit import HALF_DIGITS, ROUNDING, chi2_limit, inverse_root, score_gain, wald_rise
 from floquid.inputs._modes import InputMode, followed
 from floquid.inputs._samples import Samples
@@ -18,7 +18,7 @@ from floquid.inputs._slopes import slopes_in_parts
 from floquid.inputs._solver import Linearisation, carried, columns_at, normal_equations, numbers_of, scale_of, slopes_of
 from floquid.inputs.search._structure import Limits
 
-Group = Callable[[Samples, slice], NDArray[np.float64]]
+Group = Callable[[Samples, slice], Floats]
 """Columns in a part of the samples, by that part and its place among all (columns, samples)."""
 
 MOST_KEPT = 2 * BLOCK  # numbers up to which the derivatives of the states are kept from one test to the next
@@ -47,7 +47,7 @@ class Scores:
         self.matrix, self.least = matrix, least
         self.promised = float(np.sum((self.root.T @ pull) ** 2))  # the gain that the fit itself may still have
 
-    def by_columns(self, groups: Sequence[Group]) -> NDArray[np.float64]:
+    def by_columns(self, groups: Sequence[Group]) -> Floats:
         """The gains by groups of columns, each linear in every channel (groups,)."""
         if not groups:
             return np.zeros(0)
@@ -97,9 +97,7 @@ class Scores:
             states = [own.astype(inner if np.iscomplexobj(own) else self.precision) for own in here.rows]
             yield part.own, here.samples, now.columns.of(here.samples, part.own).astype(self.precision), states
 
-    def by_inputs(
-        self, asked: Sequence[tuple[int, float]], inputs: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+    def by_inputs(self, asked: Sequence[tuple[int, float]], inputs: Floats | None = None) -> Floats:
         """The gains by the inputs at a harmonic more that a mode does not have yet: of modes and harmonics (asked,)."""
         if not asked:
             return np.zeros(0)
@@ -164,9 +162,7 @@ class Scores:
         return max(float(np.sum(pulls / sizes - taken.mean(axis=0)) / (beyond + TINY)), 0.0) ** 2
 
     @cached_property
-    def _by_noise(
-        self,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, np.random.Generator, list[NDArray[np.float64]]]:
+    def _by_noise(self) -> tuple[Floats, Floats, float, np.random.Generator, list[Floats]]:
         """The gradient by noise that drives each mode, the size of its slopes, and that of their sum beside the fit."""
         pulls, squares = self._pulls(self.left[None])[:, 0]
         sizes, total = np.sqrt(squares) + TINY, np.zeros(self.left.shape, self.precision)
@@ -177,7 +173,7 @@ class Scores:
         drawn, beside = self._drawn(generator, total)
         return pulls, sizes, float(np.linalg.norm(beside[-1])), generator, drawn
 
-    def _drawn(self, generator: np.random.Generator, *beside: NDArray) -> tuple[list[NDArray[np.float64]], NDArray]:
+    def _drawn(self, generator: np.random.Generator, *beside: NDArray) -> tuple[list[Floats], NDArray]:
         """Gradients and squares of a few draws of noise as `_pulls` has them, after the fit and before (4, modes)."""
         whole = np.empty((FEW + len(beside), *self.left.shape), self.precision)
         for own in whole[:FEW]:
@@ -189,18 +185,18 @@ class Scores:
         drawn[1::2] += TINY
         return list(np.moveaxis(drawn, 1, 0)), after
 
-    def shape_heard(self, samples: Samples, number: int) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
+    def shape_heard(self, samples: Samples, number: int) -> tuple[Mask, Complexes]:
         """Mask of the channels heard, and the shape of a mode over the noise in these (channels heard, samples)."""
         heard = self.now.heard
         shape = self.now.shape(number).T[heard] * self.weights[heard, None]
         return heard, carried(samples, shape, self.now.modes[number].turns.tolist())
 
-    def _by_noise_of(self, number: int, shape: NDArray[np.complex128], left: NDArray) -> NDArray[np.float64]:
+    def _by_noise_of(self, number: int, shape: Complexes, left: NDArray) -> Floats:
         """Slopes by noise that drives a mode, of what is left in the channels heard (channels heard, samples)."""
         drive = np.einsum("cn,cn->n", shape.conj(), left)
         return (shape * followed(self.samples, self.now.modes[number], drive)).real
 
-    def _pulls(self, lefts: NDArray) -> NDArray[np.float64]:
+    def _pulls(self, lefts: NDArray) -> Floats:
         """Gradients by noise that drives each mode, of what is left, and squares of the slopes (2, draws, modes)."""
         found = np.empty((2, len(lefts), len(self.now.modes)))
         for number in range(len(self.now.modes)):
@@ -228,7 +224,7 @@ class Scores:
             draws[..., own] -= response + self._moved(part, states, by)
         return draws
 
-    def _pulled(self, samples: Samples, states: Sequence[NDArray], signals: NDArray) -> NDArray[np.float64]:
+    def _pulled(self, samples: Samples, states: Sequence[NDArray], signals: NDArray) -> Floats:
         """Products of the slopes with signals (draws, channels, samples), summed over both (parameters, draws)."""
         # Channels are summed first: a derivative of the response is the shape times that of the state.
         found = [np.zeros((0, len(signals)))]
@@ -239,7 +235,7 @@ class Scores:
             found.append(both[mode.free])
         return np.concatenate(found)
 
-    def _moved(self, samples: Samples, states: Sequence[NDArray], by: NDArray[np.float64]) -> NDArray:
+    def _moved(self, samples: Samples, states: Sequence[NDArray], by: Floats) -> NDArray:
         """The response to steps of the parameters (draws, parameters), over the noise (draws, channels, samples)."""
         found, place = np.zeros((len(by), len(self.weights), samples.n_samples), self.precision), 0
         for number, (mode, rows) in enumerate(zip(self.now.modes, states, strict=True)):
@@ -258,12 +254,12 @@ class Scores:
         return carried(samples, shape, mode.turns.tolist()).astype(np.result_type(self.precision, 1j))
 
     @cached_property
-    def spread_root(self) -> NDArray[np.float64]:
+    def spread_root(self) -> Floats:
         """A root of the covariance of the free parameters; of what the record says nothing of it is large."""
         return inverse_root(self.matrix, self.least, floor=True, scale=scale_of(self.samples, self.now, self.matrix))
 
     @cached_property
-    def of_modes(self) -> NDArray[np.float64]:
+    def of_modes(self) -> Floats:
         """Squared deviations of the shape of each mode from zero, all else moving along (Wald tests) (modes,)."""
         found, now = [], self.now
         root = self.spread_root
@@ -275,7 +271,7 @@ class Scores:
             found.append(wald_rise(shape, whole))
         return np.array(found)
 
-    def step_along(self, slopes: NDArray[np.float64]) -> tuple[float, float]:
+    def step_along(self, slopes: Floats) -> tuple[float, float]:
         """The step of one parameter with these slopes (channels, samples), others moving along, and its deviation."""
         now, size, pull, mixed = self.now, 0.0, 0.0, np.zeros(len(self.root))
         slopes = self.weights[:, None] * slopes

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.fit import WITHIN
 from floquid.inputs._modes import InputMode, followed, powers
 from floquid.inputs._samples import Samples
@@ -24,7 +25,7 @@ from floquid.inputs._solver import Equations, numbers_of, slopes_of
 from floquid.inputs.search._scores import DRAWS, FEW, Scores
 
 
-def unmeasured(scores: Scores) -> NDArray[np.float64]:
+def unmeasured(scores: Scores) -> Floats:
     """P (modes,), zero where what is left is what noise of sensors leaves at 95 %."""
     # Real multipliers of a block, and modes of a fit that leaves nothing, have none.
     modes, found = scores.now.modes, np.zeros(len(scores.now.modes))
@@ -46,8 +47,8 @@ def unmeasured(scores: Scores) -> NDArray[np.float64]:
 class Passed:
     """Sums over the samples of products of rows with what noise that drives a mode leaves, by that noise."""
 
-    of_parameters: NDArray[np.float64]  # of the slopes of the parameters beside the columns (parameters, parameters)
-    of_columns: list[NDArray[np.float64]]  # of the columns, of each output (outputs, columns, columns)
+    of_parameters: Floats  # of the slopes of the parameters beside the columns (parameters, parameters)
+    of_columns: list[Floats]  # of the columns, of each output (outputs, columns, columns)
 
 
 def passed(scores: Scores, at: Equations, numbers: Sequence[int]) -> list[Passed]:
@@ -95,7 +96,7 @@ class _Through:
         self.parts.append((part.record, rows[:, end].copy(), decay[end], mixed, size))
 
     @property
-    def total(self) -> NDArray[np.float64]:
+    def total(self) -> Floats:
         """The sum of all parts (rows, rows)."""
         found, record, carried = self.sum.copy(), -1, np.zeros(0)
         for place, last, decay, mixed, size in self.parts if self.mode.backwards else self.parts[::-1]:
@@ -115,7 +116,7 @@ def _back(samples: Samples, mode: InputMode, drives: NDArray) -> NDArray:
     return turned(followed(samples, mode, turned(drives)))
 
 
-def _sizes(scores: Scores, left: NDArray) -> NDArray[np.float64]:
+def _sizes(scores: Scores, left: NDArray) -> Floats:
     """The square of what is left, and of that through each mode backwards (1 + modes,)."""
     found = [np.sum(np.abs(left) ** 2, dtype=float)]
     for number, mode in enumerate(scores.now.modes):

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid._checks import input_error
 from floquid.checks import Ambient, Parted, first_part, without_last
 from floquid.core import Provenance, Record
@@ -79,7 +79,7 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
     return finished(analysis, Ambient(**asked, fit=fit, other=other, as_read=near.as_read), report)
 
 
-def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
+def _refuse_copies(first: Floats, own: Parted) -> None:
     """Refuse outputs that are sums of others: they have no innovations of their own."""
     spread = np.linalg.eigvalsh(np.corrcoef(first).reshape(len(first), -1))
     if spread[0] < HALF_DIGITS:
@@ -130,11 +130,7 @@ def driven_fit(
 
 
 def ambient_fit(
-    records: Sequence[Record],
-    settings: Settings,
-    modes: Sequence[Mode],
-    columns: NDArray[np.float64],
-    initial: NDArray[np.float64],
+    records: Sequence[Record], settings: Settings, modes: Sequence[Mode], columns: Floats, initial: Floats
 ) -> Fit:
     """The fit of random excitation to its records at its modes, coefficients of known columns and first states."""
     with blas_threads(records):
@@ -155,7 +151,7 @@ def _sized(fit: Fit) -> Fit:
     return scaled if at is None else replace(scaled, at=reweighed(fit.samples, at))
 
 
-def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def predicted_rest(analysis: Analysis) -> tuple[Floats, Mask]:
     """The outputs by a fit to the first three quarters of each record alone (outputs, samples), and what that was of.
 
     Of outputs alone one sample ahead. Where nothing was left out (`validate`), by the fit to all samples. The mask is

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Complexes
 from floquid.checks import Decays, Evidence, findings_of, validate
 from floquid.core import BRIDGED, ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import FloquidError, IdentificationError
@@ -142,7 +142,7 @@ def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...]) -> Aga
         data |= {name: getattr(fitted, name) for name in names}
     factor = widening(fitted.misfit, fitted.free)
 
-    def again(exponents: NDArray[np.complex128]) -> Estimates:
+    def again(exponents: Complexes) -> Estimates:
         return widened(estimate_at(fitted.model, exponents, **data), factor)
 
     return again

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
 from floquid.errors import FloquidError
@@ -197,7 +197,7 @@ def _sum_of_others(analysis: Analysis) -> Sum | None:
     return None if quiet.any() else sum_among(rows, noise, OWN)
 
 
-def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
+def _noise_of(rests: Floats) -> Floats:
     """The noise of samples that may hold a response too (rows,)."""
     from scipy.special import ndtri
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from types import EllipsisType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats, Mask
 from floquid.errors import IdentificationError
 from floquid.findings import failure, warning
 from floquid.fit import QUIET, REST, ROUNDS, SURE, chi2_limit
@@ -30,7 +30,7 @@ def find_poles(
     settings: Settings,
     report: Callable[[str], None] = lambda _: None,
     *,
-    taps: NDArray[np.float64] | EllipsisType | None = ...,
+    taps: Floats | EllipsisType | None = ...,
 ) -> tuple[Lifted, ModalModel, Choice | None]:
     """Poles and noise together: the noise is taken again from the residual until it stays, and the order is weighed.
 
@@ -140,7 +140,7 @@ def _order_for(
     return found.order, found.outcome
 
 
-def _noise_left(lifted: Lifted, modal: ModalModel, *, pooled: bool) -> NDArray[np.float64]:
+def _noise_left(lifted: Lifted, modal: ModalModel, *, pooled: bool) -> Floats:
     """The noise in what the fit leaves (channels, hits).
 
     A hit with hardly more cycles than there are poles leaves nothing to judge its noise by, and would be weighted by
@@ -164,7 +164,7 @@ def _noise_left(lifted: Lifted, modal: ModalModel, *, pooled: bool) -> NDArray[n
 PEAK = 0.05  # the gain of a filter, over its root sum of squares, below which the noise has a peak
 
 
-def first_filter(lifted: Lifted) -> NDArray[np.float64] | None:
+def first_filter(lifted: Lifted) -> Floats | None:
     """The filters that whiten what generous poles leave; None where that is white."""
     return whitening_filter(lifted, generous_poles(lifted))
 
@@ -187,7 +187,7 @@ def dies_away(lifted: Lifted) -> bool:
     return False
 
 
-def under_a_peak(lifted: Lifted, modal: ModalModel) -> NDArray[np.bool_]:
+def under_a_peak(lifted: Lifted, modal: ModalModel) -> Mask:
     """Mask of modes that hardly decay over the record and lie where the noise had a peak (modes,).
 
     What a filter leaves of a narrow peak, or of a drift, looks like such a mode. Looked at is the harmonic that is

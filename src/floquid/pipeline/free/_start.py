@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.core import BRIDGED, Cycles, PhaseClock, Record, longest_run, over_gaps, runs_of
 from floquid.errors import IdentificationError, NotSynchronousError
@@ -49,7 +49,7 @@ class Lifting:
     cycles: tuple[Cycles, ...]  # the responses cut into periods
     lifted: Lifted
     synchronous: bool  # whether they are the samples themselves, and not resampled
-    speeds: tuple[NDArray[np.float64], ...] | None = None
+    speeds: tuple[Floats, ...] | None = None
     """Factors by which a forced response follows the speed (factors, cycles), one array a hit; None at a steady one."""
 
 
@@ -174,9 +174,7 @@ def _wander(shaft: ShaftAngle, record: Record) -> float:
     return float(np.abs(angles - np.polyval(np.polyfit(since, angles, 1), since)).max())
 
 
-def without_forced(
-    lifted: Lifted, prepared: Prepared, cutting: Lifting
-) -> tuple[Lifted, Known | None, NDArray[np.float64] | None]:
+def without_forced(lifted: Lifted, prepared: Prepared, cutting: Lifting) -> tuple[Lifted, Known | None, Floats | None]:
     """The responses without their forced response, what that is (None: not asked for), and filters that whiten them."""
     if prepared.settings.forced == "none":
         return lifted, None, first_filter(lifted)
