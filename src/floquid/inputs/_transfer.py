@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Rebuilt
 from floquid.core import Channel
 from floquid.fit import HALF_DIGITS
 from floquid.inputs._estimates import Errors, terms_of
@@ -49,14 +49,10 @@ class TransferFunctions(Rebuilt):
     step: float | None = None
 
     def __post_init__(self) -> None:
-        of, put = "TransferFunctions", object.__setattr__
-        put(self, "frequencies_hz", frozen_array(self.frequencies_hz, "frequencies_hz", of, axes=("frequencies",)))
-        put(self, "harmonics", frozen_array(self.harmonics, "harmonics", of, axes=("harmonics",), dtype=np.int64))
+        self._freeze(frequencies_hz=("frequencies",))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
         axes = (len(self.harmonics), len(self.outputs), len(self.inputs), len(self.frequencies_hz))
-        for name in ("values", "std"):
-            if getattr(self, name) is not None:
-                value = frozen_array(getattr(self, name), name, of, axes=axes, dtype=np.complex128, missing=True)
-                put(self, name, value)
+        self._freeze(dtype=np.complex128, missing=True, values=axes, std=axes)
 
     def unit(self, output: int, driven_by: int) -> str:
         """The unit of G of one path; "-" where there is none. `output` and `driven_by` count from 0."""

@@ -83,25 +83,12 @@ class StateModel(Drawn, Rebuilt):
         return replace(self, system_std=None, transition_std=None, inputs_std=None)
 
     def __post_init__(self) -> None:
-        of, put = "StateModel", object.__setattr__
-        n = len(self.states)
-        put(self, "times", frozen_array(self.times, "times", of, axes=("times",)))
-        steps = len(self.times)
-        for name in ("transition", "system"):
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, n, n)))
-        put(self, "condition", frozen_array(self.condition, "condition", of, axes=(steps,)))
-        for name in ("system_std", "transition_std"):
-            if getattr(self, name) is not None:
-                put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, n, n)))
-        b = (n, "inputs")
-        for name, axes in (
-            ("inputs", b),
-            ("inputs_std", b),
-            ("outputs", ("channels", n)),
-            ("direct", ("channels", "inputs")),
-        ):
-            if getattr(self, name) is not None:
-                put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, *axes)))
+        self._freeze(times=("times",))
+        steps, n = len(self.times), len(self.states)
+        square, entry = (steps, n, n), (steps, n, "inputs")
+        self._freeze(transition=square, system=square, condition=(steps,), system_std=square, transition_std=square)
+        self._freeze(inputs=entry, inputs_std=entry, outputs=(steps, "channels", n))
+        self._freeze(direct=(steps, "channels", "inputs"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,14 +125,9 @@ class Refinement(Rebuilt):
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        of, n = "Refinement", len(self.names)
-        for name, axes, dtype in (
-            ("parameters", (n,), np.float64),
-            ("covariance", (n, n), np.float64),
-            ("exponents", ("modes",), np.complex128),
-            ("exponent_std", (len(self.exponents),), np.complex128),
-        ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), name, of, axes=axes, dtype=dtype))
+        n, modes = len(self.names), len(self.exponents)
+        self._freeze(parameters=(n,), covariance=(n, n))
+        self._freeze(dtype=np.complex128, exponents=("modes",), exponent_std=(modes,))
 
     @property
     def reasons(self) -> tuple[str, ...]:

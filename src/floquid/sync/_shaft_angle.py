@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._checks import Sealed, frozen_array, input_error
 from floquid.core import PhaseClock, Record
 from floquid.findings import Finding, note, texts, warning
 from floquid.fit import DEVIATIONS, HALF_DIGITS, SURE, chi2_limit
@@ -92,7 +92,7 @@ TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ShaftAngle(Rebuilt):
+class ShaftAngle(Sealed):
     r"""The angle of the shaft over time with its uncertainty, and what may be said of the speed.
 
     .. math:: \theta(t) = \sum_j c_j B_j(t), \qquad \theta(t_k) = 2 \pi n_k / L + g_{n_k \bmod L} - g_0 + \epsilon_k
@@ -145,14 +145,6 @@ class ShaftAngle(Rebuilt):
     steady: bool
     findings: tuple[Finding, ...]
     rounded: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("times", "residuals", "lines", "kept", "geometry", "geometry_std"):
-            array = getattr(self, name)
-            if array is not None and array.flags.writeable:
-                array = array.copy()
-                array.flags.writeable = False
-                object.__setattr__(self, name, array)
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Rebuilt, frozen_array
+from floquid._checks import Rebuilt
 from floquid.core import Channel
 from floquid.findings import Finding, Severity, texts
 from floquid.inputs import Samples, TransferFunctions
@@ -55,16 +55,9 @@ class MeasuredTransfer(Rebuilt):
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        of, put = "MeasuredTransfer", object.__setattr__
-        for name, axes in (
-            ("noise", ("outputs", "frequencies")),
-            ("coherence", ("outputs", "frequencies")),
-            ("nonlinear", ("outputs",)),
-            ("begins", ("records",)),
-        ):
-            put(self, name, frozen_array(getattr(self, name), name, of, axes=axes, finite=False))
-        axes = ("records", "inputs", "frequencies")
-        put(self, "echoes", frozen_array(self.echoes, "echoes", of, axes=axes, dtype=np.complex128, finite=False))
+        lines = ("outputs", "frequencies")
+        self._freeze(finite=False, noise=lines, coherence=lines, nonlinear=("outputs",), begins=("records",))
+        self._freeze(dtype=np.complex128, finite=False, echoes=("records", "inputs", "frequencies"))
 
     @property
     def warnings(self) -> tuple[str, ...]:

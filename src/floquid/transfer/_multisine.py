@@ -51,10 +51,10 @@ class Multisine(Rebuilt):
     spare: Integers
 
     def __post_init__(self) -> None:
-        of, put = "Multisine", object.__setattr__
-        put(self, "values", frozen_array(self.values, "values", of, axes=("inputs", "samples")))
-        put(self, "lines", tuple(frozen_array(own, "lines", of, axes=("lines",), dtype=np.int64) for own in self.lines))
-        put(self, "spare", frozen_array(self.spare, "spare", of, axes=("classes",), dtype=np.int64))
+        self._freeze(values=("inputs", "samples"))
+        self._freeze(dtype=np.int64, spare=("classes",))
+        lines = (frozen_array(own, "lines", "Multisine", axes=("lines",), dtype=np.int64) for own in self.lines)
+        object.__setattr__(self, "lines", tuple(lines))
 
     @property
     def frequencies_hz(self) -> tuple[Floats, ...]:

@@ -55,11 +55,8 @@ class AzimuthResolution(Rebuilt):
     reasons: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        of = "floquet.AzimuthResolution"
-        object.__setattr__(
-            self, "harmonics", frozen_array(self.harmonics, "harmonics", of, dtype=np.int64, axes=("harmonics",))
-        )
-        object.__setattr__(self, "sizes", frozen_array(self.sizes, "sizes", of, axes=(self.harmonics.size,)))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
+        self._freeze(sizes=(self.harmonics.size,))
 
 
 @final

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Integers
-from floquid._checks import Rebuilt, frozen_array, input_error, positive, wrong_value
+from floquid._checks import Rebuilt, input_error, positive, wrong_value
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
@@ -84,9 +84,7 @@ class PeriodEstimate(Rebuilt):
     orbit: OrbitLines | None = None
 
     def __post_init__(self) -> None:
-        for name in ("lines", "undamped"):
-            value = frozen_array(getattr(self, name), name, "PeriodEstimate", axes=("lines",), dtype=np.complex128)
-            object.__setattr__(self, name, value)
+        self._freeze(dtype=np.complex128, lines=("lines",), undamped=("lines",))
 
     @property
     def reasons(self) -> tuple[str, ...]:

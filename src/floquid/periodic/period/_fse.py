@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._checks import Rebuilt, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, input_error, positive
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.fit import DEVIATIONS, SURE, chi2_limit
@@ -171,9 +171,10 @@ class Family(Rebuilt):
     conjugated: Mask
 
     def __post_init__(self) -> None:
-        put, n = object.__setattr__, len(self.lines)
-        for name, kind in (("lines", complex), ("line_std", complex), ("harmonics", np.int64), ("conjugated", bool)):
-            put(self, name, frozen_array(getattr(self, name), name, "Family", axes=(n,), dtype=kind))
+        n = (len(self.lines),)
+        self._freeze(dtype=np.complex128, lines=n, line_std=n)
+        self._freeze(dtype=np.int64, harmonics=n)
+        self._freeze(dtype=np.bool_, conjugated=n)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -205,10 +206,8 @@ class FSE(Rebuilt):
     noise: Floats
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        for name in ("alone", "undamped"):
-            put(self, name, frozen_array(getattr(self, name), name, "FSE", axes=("lines",), dtype=np.complex128))
-        put(self, "noise", frozen_array(self.noise, "noise", "FSE", axes=("channels", "hits")))
+        self._freeze(dtype=np.complex128, alone=("lines",), undamped=("lines",))
+        self._freeze(noise=("channels", "hits"))
 
 
 def fse(

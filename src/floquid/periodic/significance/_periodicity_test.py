@@ -109,17 +109,11 @@ class Periodicity(Rebuilt):
     spacing_p: float | None = None
 
     def __post_init__(self) -> None:
-        of, put = "Periodicity", object.__setattr__
-        put(self, "channels", tuple(self.channels))
+        object.__setattr__(self, "channels", tuple(self.channels))
         self._freeze(dtype=np.int64, harmonics=("harmonics",), untested=("cases", 2), locked=("modes",))
         self._freeze(dtype=np.complex128, exponents=("modes",))
         shape = (len(self.exponents), len(self.harmonics))
-        for name in ("sizes", "limits"):
-            values = np.array(getattr(self, name), np.float64)
-            if values.shape != shape:
-                raise input_error(name, of, f"have shape {shape}", f"has shape {values.shape}")
-            values.flags.writeable = False
-            put(self, name, values)
+        self._freeze(finite=False, sizes=shape, limits=shape)
 
     @property
     def periodic(self) -> bool | None:
