@@ -18,3 +18,8 @@ def for_json(value: Any) -> Any:
     if isinstance(value, (np.ndarray, np.generic)):
         return for_json((np.stack([value.real, value.imag], axis=-1) if np.iscomplexobj(value) else value).tolist())
     return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def attributes(thing: object, *names: str) -> dict[str, Any]:
+    """Attributes of a result by their names."""
+    return {name: getattr(thing, name) for name in names}

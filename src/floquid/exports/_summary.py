@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from floquid._arrays import Floats
-from floquid._json import for_json
+from floquid._json import attributes, for_json
 from floquid.core import ModelInputs, PeriodicModel
 from floquid.findings import as_mapping
 from floquid.order import Choice
@@ -128,11 +128,6 @@ def mode_entries(model: PeriodicModel, weights: Floats) -> list[dict[str, Any]]:
         own = {name: None if values is None else values[r] for name, values in columns.items()}
         listed.append(own | {"harmonics": harmonics, "participation": shares})
     return for_json(listed)
-
-
-def attributes(thing: object, *names: str) -> dict[str, Any]:
-    """Attributes of a result by their names."""
-    return {name: getattr(thing, name) for name in names}
 
 
 def _system(state: StateModel, refinement: Refinement | None) -> dict[str, Any]:

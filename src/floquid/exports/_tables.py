@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._json import for_json
+from floquid._json import attributes, for_json
 from floquid.comparison import Comparison
 from floquid.core import PeriodicModel
-from floquid.exports._summary import attributes
 from floquid.monitoring import Monitor
 from floquid.shapes import PathShapes
 from floquid.surveys import Edge, Survey, Track
@@ -221,7 +220,7 @@ def monitor_summary(found: Monitor) -> dict[str, Any]:
     if amounts is not None and amounts.trend is not None:
         own = amounts.trend
         of = "amount" if amounts.along else "energy"
-        trend = {"of": of, "over": found.over, "slope": own.slope, "std": own.std, "p_value": own.p_value}
+        trend = {"of": of, "over": found.over, **attributes(own, "slope", "std", "p_value")}
     return for_json(
         {
             "format": "floquid-monitor/1",

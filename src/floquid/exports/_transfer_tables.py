@@ -12,7 +12,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, wrong_value
-from floquid._json import for_json
+from floquid._json import attributes, for_json
 from floquid.core import Channel
 from floquid.exports._formats import PLAIN, mat_cells, mat_file, mat_structs
 from floquid.inputs import TransferFunctions
@@ -63,9 +63,7 @@ def _mat(found: TransferFunctions) -> bytes:
     content: dict[str, object] = {
         "frequencies_hz": found.frequencies_hz,
         "harmonics": found.harmonics.astype(np.float64),
-        "values": found.values,
-        "std": found.std,
-        "step": found.step,
+        **attributes(found, "values", "std", "step"),
     }
     for name, channels in (("output", found.outputs), ("input", found.inputs)):
         content[f"{name}s"] = mat_cells([channel.name for channel in channels])
@@ -150,22 +148,17 @@ def transfer_entries(found: TransferFunctions) -> dict[str, Any]:
     """The transfer functions `found` for `json.dump`; values are (harmonics, outputs, inputs, frequencies, 2)."""
     content = {
         "format": "floquid-transfer/1",
-        "frequencies_hz": found.frequencies_hz,
-        "harmonics": found.harmonics,
+        **attributes(found, "frequencies_hz", "harmonics"),
         "outputs": [{"name": channel.name, "unit": channel.unit} for channel in found.outputs],
         "inputs": [{"name": channel.name, "unit": channel.unit} for channel in found.inputs],
-        "values": found.values,
-        "std": found.std,
-        "step": found.step,
+        **attributes(found, "values", "std", "step"),
     }
     return for_json(content)
 
 
 def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
     """Facts about measured transfer functions `found`, beside their values, for `json.dump`."""
-    return for_json(
-        {"method": found.method, "noise": found.noise, "coherence": found.coherence, "nonlinear": found.nonlinear}
-    )
+    return for_json(attributes(found, "method", "noise", "coherence", "nonlinear"))
 
 
 def fit_entries(fit: TransferFit) -> dict[str, Any]:
@@ -176,8 +169,7 @@ def fit_entries(fit: TransferFit) -> dict[str, Any]:
             "method": "fit",
             "exponents": fit.model.exponents[upper],
             "exponents_std": None if std is None else std[upper],
-            "chi_square": fit.chi_square,
-            "degrees": fit.degrees,
+            **attributes(fit, "chi_square", "degrees"),
         }
     )
 

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import counted, input_error
+from floquid._json import attributes
 from floquid.cli.arguments.shared import Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
 from floquid.cli.output.folder import ResultFolder, identified_in, maybe_folder, result_file
 from floquid.cli.output.terminal import json_text, new_table, print_files, print_title, print_whole, terminal
@@ -167,12 +168,10 @@ def _text(found: Bootstrap) -> str:
         "draws": found.n_draws,
         "used": found.n_used,
         "failed": [{"reason": words, "number": number} for words, number in found.failure_counts],
-        "seed": found.seed,
-        "whole": found.whole,
+        **attributes(found, "seed", "whole"),
         "orders": {str(order): n for order, n in sorted(Counter(found.orders[found.orders > 0].tolist()).items())},
         "ratio_std": found.exponents.sampling_error,
-        "holds": found.holds,
-        "reasons": found.reasons,
+        **attributes(found, "holds", "reasons"),
         "quantities": {spread.name: _quantity(spread, found) for spread in found.quantities},
     }
     return json_text(content)
@@ -181,11 +180,9 @@ def _text(found: Bootstrap) -> str:
 def _quantity(spread: Spread, found: Bootstrap) -> dict[str, Any]:
     low, high = spread.interval()
     return {
-        "unit": spread.unit,
-        "estimate": spread.estimate,
+        **attributes(spread, "unit", "estimate"),
         "asymptotic_std": spread.asymptotic,
-        "std": spread.std,
-        "bias": spread.bias,
+        **attributes(spread, "std", "bias"),
         "low": low,
         "high": high,
         "ratio": spread.ratio,

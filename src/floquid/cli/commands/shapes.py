@@ -15,6 +15,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from floquid._checks import wrong_value
+from floquid._json import attributes
 from floquid.cli.arguments.shared import Format, Saved, split
 from floquid.cli.output.folder import modes_in
 from floquid.cli.output.terminal import json_text, new_table, print_title, print_whole, terminal
@@ -213,8 +214,7 @@ def content(found: ShapeReadings) -> dict[str, Any]:
     """The content of `--format json`."""
     return {
         "format": "floquid-shapes/1",
-        "period": found.period,
-        "harmonics": found.harmonics,
+        **attributes(found, "period", "harmonics"),
         "point": dict(found.point),
         "modes": [
             {
@@ -226,7 +226,9 @@ def content(found: ShapeReadings) -> dict[str, Any]:
                 "locked": one.couple is not None,
                 "whirl": None if one.whirl is None else _whirl(one.whirl),
                 "blades": None if one.blades is None else _blades(one.blades),
-                "participation": None if one.participation is None else _participation(one.participation),
+                "participation": None
+                if one.participation is None
+                else attributes(one.participation, "channel", "shares", "std"),
             }
             for one in found.modes
         ],
@@ -235,29 +237,13 @@ def content(found: ShapeReadings) -> dict[str, Any]:
 
 
 def _whirl(whirl: Whirl) -> dict[str, Any]:
-    return {
-        "index": whirl.index,
-        "std": whirl.std,
-        "interval": whirl.interval,
-        "strongest": whirl.strongest,
-        "by_pair": whirl.by_pair,
-        "word": whirl.word,
-        "axis_rad": whirl.axis,
-    }
+    return attributes(whirl, "index", "std", "interval", "strongest", "by_pair", "word") | {"axis_rad": whirl.axis}
 
 
 def _blades(pattern: BladePattern) -> dict[str, Any]:
-    keys = ("family", "wave", "word", "share", "std")
     return {
-        "branch": pattern.branch,
-        "leak": pattern.leak,
-        "leak_std": pattern.leak_std,
-        "leak_interval": pattern.leak_interval,
+        **attributes(pattern, "branch", "leak", "leak_std", "leak_interval"),
         "compared": pattern.is_compared,
-        "shares": [{key: getattr(share, key) for key in keys} for share in pattern.shares],
+        "shares": [attributes(share, "family", "wave", "word", "share", "std") for share in pattern.shares],
         "tables": {name: {"waves": pattern.waves[name], "values": values} for name, values in pattern.tables.items()},
     }
-
-
-def _participation(shared: Participation) -> dict[str, Any]:
-    return {"channel": shared.channel, "shares": shared.shares, "std": shared.std}

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import counted
+from floquid._json import attributes
 from floquid.cli.output.terminal import (
     json_text,
     new_table,
@@ -236,13 +237,11 @@ def summary_text(found: Examined) -> str:
     modes, model = found.modes, found.file.linearisation
     content = {
         "format": "floquid-floquet/1",
-        "period": modes.period,
-        "order": modes.order,
+        **attributes(modes, "period", "order"),
         "modes": [_mode(modes, r) for r in range(modes.order)],
         "stability": {
             "verdict": found.stability.verdict.name.lower(),
-            "growth": found.stability.growth,
-            "reasons": found.stability.reasons,
+            **attributes(found.stability, "growth", "reasons"),
         },
         "check": None
         if found.hill is None
@@ -254,8 +253,7 @@ def summary_text(found: Examined) -> str:
         },
         "defective": modes.defective,
         "azimuths": None if model is None else _azimuths(found),
-        "states": found.file.states,
-        "source": found.file.source,
+        **attributes(found.file, "states", "source"),
         "warnings": found.warnings,
     }
     return json_text(content)
@@ -269,10 +267,7 @@ def _azimuths(found: Examined) -> dict[str, Any]:
     resolution = model.resolution()
     return {
         "count": model.azimuths.size,
-        "equally_spaced": resolution.equally_spaced,
-        "resolved": resolution.resolved,
-        "tail": resolution.tail,
-        "reasons": resolution.reasons,
+        **attributes(resolution, "equally_spaced", "resolved", "tail", "reasons"),
         "every_other": None if found.halved[1] else found.halved[0],
         "set_aside": model.set_aside,
     }
