@@ -45,12 +45,6 @@ def by_polynomials(
     With a reference R, as many channels as inputs, the equations are held against R in the place of U (instrumental
     variables), all harmonics at once: what R knows nothing of, noise on an input or what a feedback makes of that of
     the outputs, is then no bias.
-
-    Of `samples` there is G at the `harmonics` m; what the response has at others counts as noise. `channels` are those
-    of the outputs and of the inputs. `frequencies_hz` are Ω/2π [Hz], the nearest lines are taken, or a number of them
-    over what the inputs excite. `reference` are signals that drive the inputs and know nothing of the noise (inputs,
-    samples); None for the inputs themselves. Raises IdentificationError where the records are too short, no whole
-    number of their periods is one of samples, or the inputs have no power between their lines.
     """
     asked = np.unique(np.asarray(harmonics, np.int64))
     periods, count = whole_periods(samples)
@@ -257,10 +251,6 @@ def by_chirps(
     more. Lines of the period itself are left out. The penalty flattens resonances by what α and the distance
     of lines make of it: no deviations are given, since most of the error is that. Where they are wanted
     `by_polynomials` has them, nor are noise and coherence told.
-
-    `samples`, `harmonics`, `channels` and `frequencies_hz` are as there. More of α, the `curvature`, averages more
-    noise, and flattens more. Raises IdentificationError where the records do not part the harmonics, or no whole number
-    of their periods is one of samples.
     """
     from scipy.sparse import csc_array, diags_array, kron
     from scipy.sparse.linalg import splu

@@ -56,11 +56,6 @@ def by_repeats(
     with Y and U the means of the n repeats of record p, and s² of what each repeat differs from that mean, over some
     lines. Each line of the response must belong to one line of one input, as those of `multisine` do (Louarroudi,
     Lataire and Pintelon 2012). A scan is several records, each of one sine or a few: the lines of all are joined.
-
-    Of `samples` there is G at the `harmonics` m, of inputs that repeat after J = `turns` periods; `channels` are those
-    of the outputs and of the inputs, and the first `drop` repeats of each record are left out, for the transient to
-    die. Raises IdentificationError where fewer than two repeats are left, or lines of the response belong to two of the
-    inputs.
     """
     count = round(turns * 2.0 * np.pi / (samples.fundamental * samples.step))
     both = [
