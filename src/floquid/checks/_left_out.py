@@ -131,16 +131,7 @@ def first_part(samples: Samples) -> tuple[Samples, Mask]:
     mask = np.zeros(samples.n_samples, bool)
     for piece in kept:
         mask[piece] = True
-    part = replace(
-        samples,
-        values=samples.values[:, mask],
-        inputs=samples.inputs[:, mask],
-        begins=(0, *np.cumsum([piece.stop - piece.start for piece in kept]).tolist()),
-        times=samples.times[mask],
-        known=samples.known[:, mask],
-        there=samples.there[mask],
-    )
-    return part, mask
+    return samples.only(mask, (0, *np.cumsum([piece.stop - piece.start for piece in kept]).tolist())), mask
 
 
 Clocks = Sequence[PhaseClock]

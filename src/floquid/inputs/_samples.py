@@ -115,17 +115,21 @@ class Samples(Rebuilt):
         """The largest that each channel is beside an offset and what repeats with the period (channels,)."""
         return np.abs(self.moving).max(axis=1)
 
+    def only(self, place: slice | Mask, begins: tuple[int, ...]) -> Samples:
+        """Samples of a place or a mask, in records that begin at these numbers of them."""
+        return replace(
+            self,
+            values=self.values[:, place],
+            inputs=self.inputs[:, place],
+            begins=begins,
+            times=self.times[place],
+            known=self.known[:, place],
+            there=self.there[place],
+        )
+
     def part(self, own: slice) -> Samples:
         """Samples that follow one another in a record, as a record of their own; they share the values."""
-        found = replace(
-            self,
-            values=self.values[:, own],
-            inputs=self.inputs[:, own],
-            begins=(0, own.stop - own.start),
-            times=self.times[own],
-            known=self.known[:, own],
-            there=self.there[own],
-        )
+        found = self.only(own, (0, own.stop - own.start))
         self.turned(1.0)
         found.angles.update({turns: angle[own] for turns, angle in self.angles.items()})
         return found
