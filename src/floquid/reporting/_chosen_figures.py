@@ -160,6 +160,16 @@ def coefficients_figure(case: Case, chosen: Chosen) -> Figure:
     return made
 
 
+def span_lines(made: Figure, lines: Chosen) -> None:
+    """Draw the lines of all modes, and those of the mode chosen."""
+    every = np.concatenate([row["frequency"] for row in lines.modes]) if lines.modes else np.zeros(0)
+    made.vspan(x=every, line_color=Ink.GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
+    made.vspan(
+        x="frequency", source=lines.drawn, line_color=Ink.VERMILION, line_width=2, line_dash="dashed",
+        legend_label="of the mode chosen",
+    )  # fmt: skip
+
+
 def link_modes(modes: ColumnDataSource, chosen: list[Chosen]) -> None:
     """Let the row selected in `modes` decide what the figures of the mode show."""
     from bokeh.models import ColumnDataSource, CustomJS

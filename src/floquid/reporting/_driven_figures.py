@@ -24,7 +24,7 @@ from floquid.reporting._case import (
     legend_above,
     new_figure,
 )
-from floquid.reporting._chosen_figures import Chosen
+from floquid.reporting._chosen_figures import Chosen, span_lines
 from floquid.reporting._modes_figures import mark_labels
 from floquid.transfer import MeasuredTransfer
 from floquid.views import Ink, SpectraOfModes, envelope, in_unit, magnitude_bands, phase_degrees, shortened
@@ -181,12 +181,7 @@ def harmonic_figure(found: SpectraOfModes, lines: Chosen) -> Figure:
         "frequency [Hz]", f"harmonic power spectra [{found.unit}]", name="harmonic", y_axis_type="log", height=380,
         x_range=Range1d(start=0.0, end=found.end),
     )  # fmt: skip
-    every = np.concatenate(found.modes) if found.modes else np.zeros(0)
-    made.vspan(x=every, line_color=Ink.GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
-    made.vspan(
-        x="frequency", source=lines.drawn, line_color=Ink.VERMILION, line_width=2, line_dash="dashed",
-        legend_label="of the mode chosen",
-    )  # fmt: skip
+    span_lines(made, lines)
     inside, drawn = found.frequencies_hz <= found.end, []
     looks = (("first", Ink.BLACK, 2.0), ("second", Ink.BLUE, 1.5), ("third", Ink.GREEN, 1.0))
     for (label, colour, width), values in zip(looks, found.values.T, strict=False):

@@ -10,7 +10,7 @@ from floquid._arrays import Mask
 from floquid.fit import WITHIN
 from floquid.lti import WHITE, composites
 from floquid.reporting._case import CURVES, MARKERS, POINTS, Case, Figure, hover, legend_above, new_figure
-from floquid.reporting._chosen_figures import Chosen
+from floquid.reporting._chosen_figures import Chosen, span_lines
 from floquid.sync import ShaftAngle
 from floquid.views import (
     Ink,
@@ -116,14 +116,9 @@ def spectrum_figure(case: Case, sources: dict[str, Chosen], family: Chosen) -> F
     from bokeh.models import Range1d
 
     made = new_figure("frequency [Hz]", spectrum_label(case, 0), name="spectrum", y_axis_type="log", height=380)
-    every = np.concatenate([row["frequency"] for row in family.modes]) if family.modes else np.zeros(0)
     nyquist = 0.5 * case.analysis.lifted.n_phases / case.analysis.lifted.period
     end = min(nyquist, end_of_lines(case.analysis))
-    made.vspan(x=every, line_color=Ink.GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
-    made.vspan(
-        x="frequency", source=family.drawn, line_color=Ink.VERMILION, line_width=2, line_dash="dashed",
-        legend_label="of the mode chosen",
-    )  # fmt: skip
+    span_lines(made, family)
     made.line("x", "y", source=sources["spectrum"].drawn, line_color=Ink.BLUE, legend_label="record")
     made.line("x", "y", source=sources["noise"].drawn, line_color=Ink.BLACK, line_dash="dotted", line_width=2,
               legend_label="noise alone")  # fmt: skip
