@@ -196,6 +196,8 @@ FIT: dict[str, str | Callable[..., str]] = {
     "search_ended": "The search ended at {number} modes, its limit, with more above the noise. Likely: noise that is "
     "not white, or a nonlinearity. Compare with a fixed `order=`.",
     "undetermined": _undetermined,
+    "noise_unsettled": "The noise cannot be told from the response: its estimate does not settle as modes are fitted. "
+    "The model is the best that was found. Modes that die within a period may be why: leave periods out with `skip=`.",
     "out_of_time": "The search ended after {seconds:.4g} s of processor time: modes or harmonics may be missing. A "
     "pair may be two real multipliers. Give it longer (`seconds=`), a shorter record or fewer channels.",
     "undamped_lines": _undamped,

@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.several_hits import Hits
 
 from floquid import ConstantPeriod, Record, identify
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
+from floquid.pipeline.free import _identify
+from floquid.pipeline.free._find_poles import UnsettledError
 from floquid.pipeline.free._identify import promised
+from floquid.pipeline.free._starts import ensembles
 from floquid.preparation import prepare
 
 PERIOD, PHASES, OMEGA = 1.0, 24, 2.0 * np.pi
@@ -94,3 +98,24 @@ def test_no_more_periods_are_left_out_once_the_time_is_over():
     analysis = identify(decays(SLOW, FAST[0], seed=3), trust_period=True, validate=False, seconds=1e-6)
     assert analysis.records[0].start == 0.0
     assert any("ended after 1e-06 s of processor time" in words for words in analysis.warnings)
+
+
+@pytest.mark.parametrize(("error", "refused"), [(UnsettledError, False), (IdentificationError, True)])
+def test_the_best_fit_is_given_as_one_that_fails_where_poles_do_not_tell_the_noise(monkeypatch, error, refused):
+    """A good record was refused in words on clipped samples: modes that die within a period hid the noise."""
+
+    def poles(*_):
+        raise error("Identification ended without a result")
+
+    monkeypatch.setattr(_identify, "explains", lambda *_: False)
+    monkeypatch.setattr(_identify, "poles", poles)
+    monkeypatch.setattr(_identify, "OPENINGS", (ensembles, poles))
+    records = Hits.drawn([-0.25 + 1.0j, -0.5 + 2.1j], 8, 6, noise=0.03).records(0)
+    if refused:
+        with pytest.raises(IdentificationError, match="without a result"):
+            identify(records)
+        return
+    found = identify(records)
+    assert found.model.order == 4
+    assert not found.passed
+    assert any("noise cannot be told" in words for words in found.reasons)

@@ -32,6 +32,7 @@ from floquid.periodic import (
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.free._complete import completed, free_residues, samples_of, validated
 from floquid.pipeline.free._doubts import of_sums, order_too_low, wrong_period_fitted, wrong_period_lifted
+from floquid.pipeline.free._find_poles import UnsettledError
 from floquid.pipeline.free._start import Lifting, Start, cut, start_of
 from floquid.pipeline.free._starts import (
     OPENINGS,
@@ -89,20 +90,25 @@ def _best(prepared: Prepared, report: Callable[[str], None]) -> Candidate:
     cutting = cut(prepared)
     report("estimating the noise")
     refusal: IdentificationError | None = None
+    rejected: list[Candidate] = []
     for opening in OPENINGS:
         usual = opening is poles
         fits, found = _fits if usual else _brief_fits, list[Candidate]()
         try:
             for start in opening(prepared, cutting, report):
                 for candidate in fits(prepared, cutting, start, report):
-                    if usual or (explains(candidate.fitted, candidate.start) and not candidate.wrong_period):
-                        found.append(candidate)
+                    good = usual or (explains(candidate.fitted, candidate.start) and not candidate.wrong_period)
+                    (found if good else rejected).append(candidate)
         except IdentificationError as error:
             refusal = error if usual else refusal
         if found:
             return found[0] if usual else min(found, key=lambda own: _as_reported(own, prepared))
     assert refusal is not None
-    raise refusal
+    rejected = [own for own in rejected if own.fitted.model.exponent_std is not None]
+    if not rejected or not isinstance(refusal, UnsettledError):
+        raise refusal
+    best = min(rejected, key=lambda own: _as_reported(own, prepared))
+    return replace(best, missing=(*best.missing, failure("noise_unsettled")))
 
 
 def _as_reported(own: Candidate, prepared: Prepared) -> float:
