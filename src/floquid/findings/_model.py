@@ -179,7 +179,7 @@ FIT: dict[str, str | Callable[..., str]] = {
     "hits_disagree": _disagree,
     "hits_unlike": _unlike,
     "two_of_one_multiplier": "The mode at {frequency:.4g} Hz may be two of one multiplier: the hits do not share its "
-    "shape.",
+    "shape. Three hits or more that excite both in other proportions tell.",
     "double": "The modes at {first:.4g} Hz and {second:.4g} Hz are whole fundamentals apart, to within {decays:g} of "
     "their decay. They may be one mode with more harmonics than were fitted: raise `harmonics=`.",
     "one_that_moves": "The modes at {first:.4g} Hz and {second:.4g} Hz share a shape, and are closer than they decay. "
