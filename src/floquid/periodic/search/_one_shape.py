@@ -42,7 +42,8 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
     .. math:: \Delta\chi^2 \sim \chi^2_n, \qquad n = n_{\text{free residues}} - n_{\text{shapes}} - n_{\text{states}}
 
     Pairs near an axis keep free residues: their functions are no exponentials. Of modes that are brief, by what they
-    decay over a period, harmonics that are left out bend exponents: those that all hits show together are added.
+    decay over a period, and of those that share lines, harmonics that are left out bend exponents: those that all hits
+    show together are added. Where the hits share several shapes of one multiplier, each is a mode.
     """
     entries = result.solution.entries
     hits = {block.hit for block in result.blocks}
