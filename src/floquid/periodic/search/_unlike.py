@@ -48,5 +48,6 @@ def _of_each_hit(point: Point, entries: ModeParameters, entry: int, false_alarm:
     blocks = [block for part in parts for block in part.blocks]
     linear = [each for part in parts for each in part.solution.linear]
     shared = OneShape.at(blocks, replace(entries, fixed=fixed), linear)
-    rise = shared.cost - sum(part.solution.cost for part in parts)
-    return value if chance(rise, degrees_of(shared, shared.entries)) > false_alarm else np.inf
+    rise, degrees = shared.cost - sum(part.solution.cost for part in parts), degrees_of(shared, shared.entries)
+    # A shape of one number is that of any mode.
+    return value if degrees > 0 and chance(rise, degrees) > false_alarm else np.inf
