@@ -81,6 +81,14 @@ def test_a_wrong_model_is_called_wrong(monkeypatch, tmp_path):
     assert "| 1 | 0 |" in table([row])
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_modes_that_grow_beyond_any_number_do_not_end_in_a_refusal_of_the_record():
+    """What a spike leaves at the end grew by 700 nepers, and its coefficients were refused as an argument."""
+    row = judged("spikes", 7)
+    assert row.outcome == "failed"
+    assert row.found == 4
+
+
 def test_the_command_writes_a_row_a_run(tmp_path, capsys):
     assert main(["--kinds", "plain", "--share", "0.01", "--out", str(tmp_path / "rows.json")]) == 0
     assert "| plain | 2 | 2 |" in capsys.readouterr().out

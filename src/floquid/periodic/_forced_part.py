@@ -143,11 +143,13 @@ def without_noise(result: SearchResult) -> SearchResult:
     """Without those harmonics of the forced response, offset and drift that noise explains, or a mode beside them."""
     result = _without_twins(result)
     apart, entries = read_as_modes(result), result.solution.entries
-    both = shapes(apart.blocks, apart.solution)  # fixed entries have the same places in both
+    both = shapes(apart.blocks, apart.solution)
     place = int(np.flatnonzero(both.harmonics == 0)[0])
-    kept = ~entries.fixed | entries.columns().paired  # a pair near an axis that is held is no forced response
+    paired = entries.columns().paired
+    kept = ~entries.fixed | paired  # a pair near an axis that is held is no forced response
+    at = np.cumsum(~paired) - 1  # modes of such pairs stand behind all others
     for entry in np.flatnonzero(~kept):
-        value, std = both.coefficients[entry, ..., place], both.std[entry, ..., place]
+        value, std = both.coefficients[at[entry], ..., place], both.std[at[entry], ..., place]
         parts = [(value.real, std.real)] + ([] if entries.real[entry] else [(value.imag, std.imag)])
         score = sum(float(np.sum(np.divide(v, s, out=np.zeros_like(v), where=s > 0) ** 2)) for v, s in parts)
         kept[entry] = score > chi2_limit(len(parts) * value.size, SURE)

@@ -31,6 +31,9 @@ from floquid.periodic.search._folds import Fold, folds, shared_harmonics
 from floquid.periodic.search._peaks import Peak
 from floquid.search import HOPE, SAME, Move
 
+OVERFLOW = 0.25 * np.log(
+    np.finfo(float).max
+)  # the growth over a record, in nepers, whose square's square no number holds
 FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
 
 
@@ -108,6 +111,8 @@ class Point:
         entries = self.entries.moved(step)
         apart = np.sqrt(np.abs(entries.all_squares).max(initial=0.0))
         if apart * self.period > ASUNDER or np.abs(entries.exponents.real).max(initial=0.0) * self.period > FASTEST:
+            return None
+        if entries.exponents.real.max(initial=0.0) * max(block.last for block in self.blocks) > OVERFLOW:
             return None
         start = tuple(linear.coefficients for linear in self.solution.linear)
         return _weighted(self.blocks, self.floors, self.price, entries, eliminated(self.blocks, entries, start))
