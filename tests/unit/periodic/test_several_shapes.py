@@ -43,6 +43,14 @@ def test_modes_of_one_multiplier_are_found_with_their_shapes(hits):
     assert abs(own) < 4.0 * spread < 1e-2
 
 
+def test_modes_of_one_multiplier_are_no_more_than_the_order_that_is_given():
+    """The fit went on to order 6: residues were left unconstrained, as of a record with fewer modes, and it passed."""
+    found = identify(of_equal(4).records(0), order=4, validate=False)
+    assert found.model.order == 4
+    assert "hits_disagree" in told(found)
+    assert "order_not_held" not in told(found)
+
+
 def test_two_hits_have_two_shapes_of_anything():
     found = identify(of_equal(2).records(0), validate=False)
     assert found.model.order == 4
