@@ -175,7 +175,8 @@ FIT: dict[str, str | Callable[..., str]] = {
     "cluster": "The mode at {frequency:.4g} Hz is most likely several that fold onto one another: its harmonics ask "
     "for different exponents. Its deviation covers them.",
     "one_shape": "The {hits} hits share one shape of each mode and differ in its initial state only.",
-    "two_shapes": "The hits share two shapes of the mode at {frequency:.4g} Hz: two modes have its multiplier.",
+    "several_shapes": "The hits share {number} shapes of the mode at {frequency:.4g} Hz: {number} modes have its "
+    "multiplier.",
     "hits_disagree": _disagree,
     "hits_unlike": _unlike,
     "two_of_one_multiplier": "The mode at {frequency:.4g} Hz may be two of one multiplier: the hits do not share its "

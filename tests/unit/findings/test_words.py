@@ -46,7 +46,7 @@ SAMPLES = {
     "all_needed": {"number": 3, "frequency": 31.2, "rise": 1.4},
     "strongest_peak": {"frequency": 32.81, "share": 105640.18, "loud": True},
     "hits_disagree": {"frequency": 32.81, "share": 0.02, "probability": 1e-120, "groups": [[1, 2], [3]]},
-    "two_shapes": {"frequency": 32.81},
+    "several_shapes": {"frequency": 32.81, "number": 2},
     "two_of_one_multiplier": {"frequency": 32.81},
     "hits_unlike": {
         "frequency": 2.5,

@@ -88,7 +88,11 @@ def _with_several_shapes(
         entry = places[len(free.exponents)]
         value = complex(free.exponents[entry] + 1j * free.fundamental * free.offsets[entry])
         return replace(result, disagreement=Disagreement(value, difference(start, entry), probability, groups))
-    twice = tuple(sorted({place for place in places if places.count(place) > 1}))
+    twice = tuple(
+        tuple(np.flatnonzero(np.array(places) == place).tolist())
+        for place in sorted(set(places))
+        if places.count(place) > 1
+    )
     solution = replace(several.as_solution(), further=carried(result.solution, places))
     misfit, bands = misfit_of_all(result.blocks, result.residuals), result.bands[places]
     return replace(result, one=several, solution=solution, bands=bands, misfit=misfit, twice=twice)
