@@ -147,6 +147,11 @@ def test_each_sentence_is_short_and_plain(code):
     assert not re.search(r"\d -(\s|,|\.)", text)  # a unit that is none
 
 
+def test_a_hit_that_is_alone_has_a_shape():
+    told = str(note("hits_disagree", **{**SAMPLES["hits_disagree"], "groups": [[1], [2, 3]]}))
+    assert "Hit 1 has one shape, and hits 2, 3 another." in told
+
+
 def test_a_long_sentence_would_be_found():
     text = "The " + "very " * LONGEST + "end."
     assert too_long(f"Short. {text} Short.") == [text]
