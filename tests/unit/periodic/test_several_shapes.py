@@ -16,7 +16,7 @@ def told(found):
     return [finding.code for finding in (*found.findings, *found.fit.findings)]
 
 
-def of_equal(hits, periods=30, noise=0.01, seed=0, channels=2):
+def of_equal(hits, periods=30, noise=0.01, seed=0):
     """Two modes of one multiplier, a symmetric rotor's, beside a third: each hit has some of all."""
     generator = np.random.default_rng(seed)
     drawn = Hits.drawn(EQUAL, hits, periods, noise=noise)
@@ -42,6 +42,13 @@ def test_modes_of_one_multiplier_are_found_with_their_shapes(hits):
     # By free residues of two columns that are all but one, the period was told to be another.
     own, spread = found.fit.own_period
     assert abs(own) < 4.0 * spread < 1e-2
+
+
+def test_modes_of_one_multiplier_are_found_where_there_is_hardly_noise():
+    """Below 1e-4 of the response they were one mode with a shape for each hit, and it passed without a doubt."""
+    found = identify(of_equal(4, noise=1e-5).records(0), validate=False)
+    assert found.model.order == 6
+    assert not found.choice.ambiguous
 
 
 def test_modes_of_one_multiplier_are_no_more_than_the_order_that_is_given():

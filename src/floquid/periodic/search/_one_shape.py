@@ -65,10 +65,12 @@ def with_one_shape(
             told = stays(shared, entries.exponents) and not _lost(shared, result.solution).any()
             return replace(result, one=shared, bands=bands, misfit=misfit) if told else result
         # Where exponents are far apart between hits, so are the shapes at one exponent of all.
-        torn = any(each.torn for each in result.unlike)
-        if torn or all((block.noise < QUIET * block.largest).all() for block in result.blocks):
+        if any(each.torn for each in result.unlike):
             return result
-        return _with_several_shapes(start, result, probability, false_alarm, order)
+        several = _with_several_shapes(start, result, probability, false_alarm, order)
+        # Of hardly any noise, a weak nonlinearity is a disagreement, and no shapes that hits share explain it.
+        quiet = all((block.noise < QUIET * block.largest).all() for block in result.blocks)
+        return result if quiet and several.one is None else several
     return result
 
 
