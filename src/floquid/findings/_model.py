@@ -151,13 +151,14 @@ def _unlike(
 
 
 def _disagree(frequency: float, share: float, probability: float, groups: Sequence[Sequence[int]] = ()) -> str:
-    told = " share one shape, and ".join(f"{'hits' if len(g) > 1 else 'hit'} {', '.join(map(str, g))}" for g in groups)
+    names = [f"{'hits' if len(hits) > 1 else 'hit'} {', '.join(map(str, hits))}" for hits in groups]
+    has = "share" if groups and len(groups[0]) > 1 else "has"
+    told = f"{names[0].capitalize()} {has} one shape, and {names[1]} another. " if names else ""
     return (
         f"The hits disagree on the shape of the mode at {frequency:.4g} Hz by {100.0 * share:.2g} % (by chance: "
         f"{_chance(probability)}), so no common shape was fitted. "
-        + (f"{told[:1].upper()}{told[1:]} another. " if told else "")
-        + "Two modes may share its multiplier, its shape may depend on the strength of the blow, or the machine may "
-        "have changed in between. Identify each hit alone and compare."
+        f"{told}Two modes may share its multiplier, its shape may depend on the strength of the blow, or the machine "
+        "may have changed in between. Identify each hit alone and compare."
     )
 
 
@@ -175,7 +176,8 @@ FIT: dict[str, str | Callable[..., str]] = {
     "cluster": "The mode at {frequency:.4g} Hz is most likely several that fold onto one another: its harmonics ask "
     "for different exponents. Its deviation covers them.",
     "one_shape": "The {hits} hits share one shape of each mode and differ in its initial state only.",
-    "two_shapes": "The hits share two shapes of the mode at {frequency:.4g} Hz: two modes have its multiplier.",
+    "several_shapes": "The hits share {number} shapes of the mode at {frequency:.4g} Hz: {number} modes have its "
+    "multiplier.",
     "hits_disagree": _disagree,
     "hits_unlike": _unlike,
     "two_of_one_multiplier": "The mode at {frequency:.4g} Hz may be two of one multiplier: the hits do not share its "

@@ -244,7 +244,7 @@ def fit(
     result = replace(result, unlike=tuple(replace(each, torn=torn) for each in result.unlike))
     if auto:
         result = without_noise(result)
-    result = with_one_shape(read_as_modes(result), harmonic_false_alarm, noise_floor, most)
+    result = with_one_shape(read_as_modes(result), harmonic_false_alarm, noise_floor, most, order)
     _check_order(result, order)
     found = result_of(
         result, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, ended=ended
@@ -299,8 +299,7 @@ class OrderError(IdentificationError):
 
 def _check_order(result: SearchResult, order: int | None) -> None:
     """Refuse a fit without as many poles as were asked for."""
-    free, real = ~result.solution.entries.fixed, result.solution.entries.real
-    reached = int(2 * free.sum() - (free & real).sum())
+    reached = result.solution.entries.order
     if order not in (None, reached):
         raise OrderError(
             f"Identification ended without a result: order {order} cannot be reached, {reached} is what was found. Ask "

@@ -46,7 +46,7 @@ SAMPLES = {
     "all_needed": {"number": 3, "frequency": 31.2, "rise": 1.4},
     "strongest_peak": {"frequency": 32.81, "share": 105640.18, "loud": True},
     "hits_disagree": {"frequency": 32.81, "share": 0.02, "probability": 1e-120, "groups": [[1, 2], [3]]},
-    "two_shapes": {"frequency": 32.81},
+    "several_shapes": {"frequency": 32.81, "number": 2},
     "two_of_one_multiplier": {"frequency": 32.81},
     "hits_unlike": {
         "frequency": 2.5,
@@ -145,6 +145,11 @@ def test_each_sentence_is_short_and_plain(code):
     assert text[-1] in ".?"
     assert "{" not in text
     assert not re.search(r"\d -(\s|,|\.)", text)  # a unit that is none
+
+
+def test_a_hit_that_is_alone_has_a_shape():
+    told = str(note("hits_disagree", **{**SAMPLES["hits_disagree"], "groups": [[1], [2, 3]]}))
+    assert "Hit 1 has one shape, and hits 2, 3 another." in told
 
 
 def test_a_long_sentence_would_be_found():

@@ -182,6 +182,7 @@ def test_spacing_reads_the_period_off_torn_modes(rotor):
         [-0.002 + 4.13j, -0.002 + 5.0j],  # not spaced by ω
         [-0.002 + 4.13j, -0.002 + 5.127j],  # a single witness
         [-0.002 + 4.13j],
+        [-0.002 + 0.33j, -0.002 + 0.330001j, -0.002 + 0.330002j],  # modes of one multiplier, and conjugates of others
     ],
 )
 def test_spacing_says_nothing_without_two_witnesses(exponents):

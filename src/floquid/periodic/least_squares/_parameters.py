@@ -195,6 +195,11 @@ class ModeParameters:
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
 
     @property
+    def order(self) -> int:
+        """The number of complex poles, conjugates one by one."""
+        return int(2 * (~self.fixed).sum() - (~self.fixed & self.real).sum())
+
+    @property
     def alone(self) -> list[int]:
         """Real multipliers without another one on their axis."""
         own = np.flatnonzero(self.leading & self.real & (self.factors == PLAIN))

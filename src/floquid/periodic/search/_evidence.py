@@ -26,6 +26,7 @@ that are independent, more under a window, which makes neighbouring lines alike.
 def evidence(result: SearchResult) -> tuple[Finding, ...]:
     """Findings for and against the modes of a search."""
     entries, peak = result.solution.entries, result.peak
+    values = entries.exponents + 1j * entries.fundamental * entries.offsets
     share = peak.gain / peak.limit
     loud = bool(share > LOUD)
     highest = (warning if loud else note)("strongest_peak", frequency=_hertz(peak.exponent), share=share, loud=loud)
@@ -38,7 +39,7 @@ def evidence(result: SearchResult) -> tuple[Finding, ...]:
         *near_axis(result),
         *combinations(result),
         *(() if result.one is None else (note("one_shape", hits=result.one.states.shape[1]),)),
-        *(note("two_shapes", frequency=_hertz(entries.exponents[entry])) for entry in result.twice),
+        *(note("several_shapes", frequency=_hertz(values[each[0]]), number=len(each)) for each in result.twice),
     )
 
 
@@ -147,7 +148,8 @@ def _hidden(result: SearchResult, entry: int) -> float:
 def doubles(result: SearchResult) -> tuple[Finding, ...]:
     """Modes that fold onto one another nearer than they decay: they may be one.
 
-    Not two real multipliers of unlike decays: harmonics of one mode decay alike.
+    Not two real multipliers of unlike decays: harmonics of one mode decay alike. And not modes of one multiplier whose
+    shapes the hits share.
     """
     entries = result.solution.entries
     free = np.flatnonzero(~entries.fixed)
@@ -157,6 +159,8 @@ def doubles(result: SearchResult) -> tuple[Finding, ...]:
     for k, value in enumerate(values):
         for later, second in enumerate(values[k + 1 + (free[k] in both) :], start=k + 1 + (free[k] in both)):
             both_real = entries.real[free[k]] and entries.real[free[later]]
+            if any({free[k], free[later]} <= set(each) for each in result.twice):
+                continue
             if both_real and abs(value.real - second.real) > SIGNIFICANT * (std[k] + std[later]):
                 continue
             gaps = [value - second, value - second.conjugate()]

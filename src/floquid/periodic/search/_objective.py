@@ -272,7 +272,7 @@ class SearchResult:
     one: OneShape | None = None  # the same fit with one shape for all hits, where they agree
     disagreement: Disagreement | None = None  # of the hits, where they do not
     unlike: tuple[Unlike, ...] = ()  # modes whose exponent differs between hits
-    twice: tuple[int, ...] = ()  # entries that have one multiplier with others, and the hits share all shapes
+    twice: tuple[tuple[int, ...], ...] = ()  # entries of one multiplier whose shapes the hits share
 
 
 def placed(result: SearchResult, places: Mapping[int, int]) -> SearchResult:

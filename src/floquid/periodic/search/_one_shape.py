@@ -36,14 +36,17 @@ from floquid.periodic.search._several_shapes import (
 from floquid.search import GAP, LOOSE
 
 
-def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most: int) -> SearchResult:
+def with_one_shape(
+    result: SearchResult, false_alarm: float, floor: float, most: int, order: int | None = None
+) -> SearchResult:
     r"""The result with one shape for all hits, if noise explains what that leaves more; else how much they differ.
 
     .. math:: \Delta\chi^2 \sim \chi^2_n, \qquad n = n_{\text{free residues}} - n_{\text{shapes}} - n_{\text{states}}
 
     Pairs near an axis keep free residues: their functions are no exponentials. Of modes that are brief, by what they
     decay over a period, and of those that share lines, harmonics that are left out bend exponents: those that all hits
-    show together are added. Where the hits share several shapes of one multiplier, each is a mode.
+    show together are added. Where the hits share several shapes of one multiplier, each is a mode, up to the `order`
+    that is given.
     """
     entries = result.solution.entries
     hits = {block.hit for block in result.blocks}
@@ -62,14 +65,18 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
             told = stays(shared, entries.exponents) and not _lost(shared, result.solution).any()
             return replace(result, one=shared, bands=bands, misfit=misfit) if told else result
         # Where exponents are far apart between hits, so are the shapes at one exponent of all.
-        torn = any(each.torn for each in result.unlike)
-        if torn or all((block.noise < QUIET * block.largest).all() for block in result.blocks):
+        if any(each.torn for each in result.unlike):
             return result
-        return _with_several_shapes(start, result, probability, false_alarm)
+        several = _with_several_shapes(start, result, probability, false_alarm, order)
+        # Of hardly any noise, a weak nonlinearity is a disagreement, and no shapes that hits share explain it.
+        quiet = all((block.noise < QUIET * block.largest).all() for block in result.blocks)
+        return result if quiet and several.one is None else several
     return result
 
 
-def _with_several_shapes(start: OneShape, result: SearchResult, probability: float, false_alarm: float) -> SearchResult:
+def _with_several_shapes(
+    start: OneShape, result: SearchResult, probability: float, false_alarm: float, order: int | None
+) -> SearchResult:
     """The result with several modes of one multiplier where all hits share their shapes; else how much they differ."""
     free = result.solution.entries
 
@@ -78,11 +85,16 @@ def _with_several_shapes(start: OneShape, result: SearchResult, probability: flo
 
     places, several = several_shapes(start, agrees)
     groups = () if several is None else groups_of(several, places, agrees)
-    if several is None or groups or result.unlike:
+    beyond = several is not None and order is not None and several.entries.order > order
+    if several is None or groups or result.unlike or beyond:
         entry = places[len(free.exponents)]
         value = complex(free.exponents[entry] + 1j * free.fundamental * free.offsets[entry])
         return replace(result, disagreement=Disagreement(value, difference(start, entry), probability, groups))
-    twice = tuple(sorted({place for place in places if places.count(place) > 1}))
+    twice = tuple(
+        tuple(np.flatnonzero(np.array(places) == place).tolist())
+        for place in sorted(set(places))
+        if places.count(place) > 1
+    )
     solution = replace(several.as_solution(), further=carried(result.solution, places))
     misfit, bands = misfit_of_all(result.blocks, result.residuals), result.bands[places]
     return replace(result, one=several, solution=solution, bands=bands, misfit=misfit, twice=twice)

@@ -78,8 +78,8 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
         & (deviation[0] < EVIDENT * np.abs(model.exponents[first].real))
         & (error < np.abs(relative) / SIGNIFICANT)
     )
-    # A pair and the pair of its conjugates are one witness.
-    alike &= model.exponents[first].imag + model.exponents[second].imag > 0
+    # A pair and the pair of its conjugates are one witness, a mode and the conjugate of another on its line are none.
+    alike &= model.exponents[first].imag + model.exponents[second].imag > SIGNIFICANT * deviation[1]
     relative, error, members = relative[alike], error[alike], np.stack([first, second])[:, alike]
     # A mode and its conjugate are one member.
     mode = np.array([np.argmin(np.abs(model.exponents - e.real - 1j * abs(e.imag))) for e in model.exponents], int)
