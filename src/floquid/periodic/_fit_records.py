@@ -235,7 +235,7 @@ def fit(
         noise_floor,
         most=most,
         choose=harmonics is None,
-        search=search,
+        search=search and not torn,  # what no exponent of all fits would be a pair near an axis
         steady=order is None,
         free_period=free_period,
     )

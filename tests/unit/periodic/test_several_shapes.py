@@ -115,3 +115,13 @@ def test_weak_harmonics_that_two_modes_share_are_seen_by_all_hits_together():
     found = identify(replace(drawn, shapes=shapes).records(9))
     assert found.model.order == 4
     assert found.passed
+
+
+def test_a_real_multiplier_that_differs_between_hits_does_not_pass_as_two():
+    """They were -0.183 and -0.287, and passed: what no exponent of all hits fits became a pair near the axis."""
+    drawn = Hits.drawn([-0.25, -0.3 + 2.0j], 4, 30, noise=0.01)
+    generator = np.random.default_rng(0)
+    states = generator.standard_normal((2, 4)) + 1j * generator.standard_normal((2, 4))
+    drawn = replace(drawn, states=states / np.abs(states))
+    each = [replace(drawn, exponents=drawn.exponents + np.array([off, 0.0])) for off in (0.0, 0.03, 0.06, -0.03)]
+    assert not identify([other.records(0)[hit] for hit, other in enumerate(each)]).passed

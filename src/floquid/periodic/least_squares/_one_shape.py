@@ -243,8 +243,8 @@ class OneShape:
         taken = np.einsum("cnp,cnm,cmq->pq", mixed[..., chosen], self.inverse, mixed[..., chosen], optimize=True)
         return Normal(matrix=matrix[np.ix_(chosen, chosen)] - taken, gradient=gradient[chosen])
 
-    def with_states(self) -> OneShape:
-        """The states of least cost at these exponents."""
+    def with_states(self, *, steps: int = STEPS) -> OneShape:
+        """The states of least cost at these exponents, or nearer to them by some `steps`."""
         rates = self.n_rates
 
         def normal(at: OneShape) -> Normal:
@@ -254,7 +254,7 @@ class OneShape:
         def moved(at: OneShape, step: Floats) -> OneShape:
             return OneShape(at.blocks, at.entries, at.linear, at._stepped(step), at.held)
 
-        return levenberg_marquardt(self, Steps(normal=normal, moved=moved), Ends(steps=STEPS, gain=1.0))
+        return levenberg_marquardt(self, Steps(normal=normal, moved=moved), Ends(steps=steps, gain=1.0))
 
     def _stepped(self, step: Floats) -> Complexes:
         parts = np.zeros(2 * self.states.size)

@@ -111,8 +111,15 @@ def clusters(result: SearchResult) -> tuple[Finding, ...]:
 
 def two_of_one_multiplier(result: SearchResult) -> tuple[Finding, ...]:
     """Doubt of the order where hits do not share the shape of a mode: two modes of one multiplier have two shapes."""
-    off = result.disagreement
-    return () if off is None else (warning("two_of_one_multiplier", frequency=_hertz(off.exponent)),)
+    off, entries = result.disagreement, result.solution.entries
+    if off is None:
+        return ()
+    # At one exponent of all, the shape of a mode whose exponent differs between hits differs as well.
+    values = [
+        complex(entries.exponents[each.entry] + 1j * entries.fundamental * entries.offsets[each.entry])
+        for each in result.unlike
+    ]
+    return (warning("two_of_one_multiplier", frequency=_hertz([*values, off.exponent][0])),)
 
 
 def near_axis(result: SearchResult) -> tuple[Finding, ...]:

@@ -83,13 +83,16 @@ def _with_several_shapes(
     def agrees(trial: OneShape) -> bool:
         return agreement(trial, result) > false_alarm
 
-    places, several = several_shapes(start, agrees)
-    groups = () if several is None else groups_of(several, places, agrees)
+    shares = [0.0 if fixed else difference(start, entry) for entry, fixed in enumerate(free.fixed)]
+    places, several, groups = [*range(len(shares)), int(np.argmax(shares))], None, ()
+    with suppress(IdentificationError, np.linalg.LinAlgError):  # that the hits disagree is known without
+        places, several = several_shapes(start, agrees)
+        groups = () if several is None else groups_of(several, places, agrees)
     beyond = several is not None and order is not None and several.entries.order > order
     if several is None or groups or result.unlike or beyond:
         entry = places[len(free.exponents)]
         value = complex(free.exponents[entry] + 1j * free.fundamental * free.offsets[entry])
-        return replace(result, disagreement=Disagreement(value, difference(start, entry), probability, groups))
+        return replace(result, disagreement=Disagreement(value, shares[entry], probability, groups))
     twice = tuple(
         tuple(np.flatnonzero(np.array(places) == place).tolist())
         for place in sorted(set(places))

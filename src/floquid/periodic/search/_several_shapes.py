@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.fit import FARTHEST
+from floquid.fit import FARTHEST, ROUNDS
 from floquid.periodic.least_squares import ModeParameters, OneShape, Solution, eliminated, real_parts
 
 
@@ -19,12 +19,12 @@ def several_shapes(start: OneShape, agrees: Callable[[OneShape], bool]) -> tuple
     """
     entries, places = np.flatnonzero(~start.entries.fixed).tolist(), list(range(len(start.entries.exponents)))
     while True:
-        trials = [_repeated(start, [*places, entry]).with_states() for entry in entries]
+        trials = [_repeated(start, [*places, entry]).with_states(steps=ROUNDS) for entry in entries]
         best = int(np.argmin([trial.cost for trial in trials]))
         places = [*places, entries[best]]
         if not _fewer(start, entries[best], places.count(entries[best])):
             return places, None
-        fit = trials[best].solved()
+        fit = trials[best].with_states().solved()
         if not stays(fit, start.entries.exponents[places]):
             return places, None
         if agrees(fit):
