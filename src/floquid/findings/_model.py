@@ -65,9 +65,9 @@ ORDER: dict[str, str | Callable[..., str]] = {
     "some of them may be noise.",
     "white": _white,
     "poles_found": "The poles were found.",
-    "no_mode": "No mode rises above the noise: the responses look like white noise. Use a record with a clear free "
-    "decay, or start it closer to the blow. Of random excitation that goes on use a longer one, with "
-    '`excitation="ambient"`.',
+    "no_mode": "No mode rises above the noise, as far as the whole periods of the record tell. Of few periods use "
+    "more, or several hits; else a record with a clear free decay, or start it closer to the blow. Of random "
+    'excitation that goes on use a longer one, with `excitation="ambient"`.',
     "too_few_samples": "The responses are too short for the modes in them: the order reached the most that this many "
     "samples can hold. Record more samples, or fix a lower order.",
     "modes_without_end": "The search found mode after mode without an end: the residual is not white noise, or there "

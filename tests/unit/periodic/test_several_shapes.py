@@ -7,6 +7,7 @@ import pytest
 from tests.several_hits import Hits
 
 from floquid import identify
+from floquid.errors import IdentificationError
 from floquid.testing import pair_exponents
 
 EQUAL = [-0.2 + 2.1j, -0.2 + 2.1j, -0.3 + 0.7j]
@@ -125,3 +126,10 @@ def test_a_real_multiplier_that_differs_between_hits_does_not_pass_as_two():
     drawn = replace(drawn, states=states / np.abs(states))
     each = [replace(drawn, exponents=drawn.exponents + np.array([off, 0.0])) for off in (0.0, 0.03, 0.06, -0.03)]
     assert not identify([other.records(0)[hit] for hit, other in enumerate(each)]).passed
+
+
+def test_a_decay_of_few_periods_is_not_called_noise():
+    """Two modes far above the noise were refused: the responses look like white noise."""
+    with pytest.raises(IdentificationError, match="as far as the whole periods of the record tell") as told:
+        identify(Hits.drawn([-0.2 + 2.1j, -0.3 + 0.7j], 1, 4, noise=0.01).records(0))
+    assert "white noise" not in str(told.value)

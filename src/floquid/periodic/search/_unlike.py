@@ -28,7 +28,7 @@ def as_one_of_hits(point: Point, false_alarm: float) -> tuple[Point, bool]:
         entries = without(with_all_lines(point.entries, fold), [fold.second])
         entry = fold.first - (fold.second < fold.first)
         value = np.inf
-        with suppress(IdentificationError, np.linalg.LinAlgError):
+        with suppress(IdentificationError, np.linalg.LinAlgError):  # a hit too brief for a fit of its own says nothing
             value = _of_each_hit(point, entries, entry, false_alarm)
         if value < point.value:
             return as_one_of_hits(point.with_entries(entries).settled(rest=AT_REST), false_alarm)[0], True
