@@ -13,10 +13,13 @@ def _mode(real: float | None, share: float) -> str:
 
 
 def _order_needed(needed: bool, modes: int, real: float | None, share: float, rise: float, just: bool) -> str:
+    weakest, more = _mode(real, share), f"{rise:.3g} times what noise explains{': only just more' if just else ''}."
+    if modes == 1:  # or several modes of one multiplier
+        known = "is needed" if needed else "is not needed"
+        return f"{weakest[:1].upper()}{weakest[1:]} {known}: without it the misfit rises by {more}"
     return (
         f"{'Each' if needed else 'Not each'} of the {modes} modes is needed. "
-        f"Without the weakest, {_mode(real, share)}, "
-        f"the misfit rises by {rise:.3g} times what noise explains{': only just more' if just else ''}."
+        f"Without the weakest, {weakest}, the misfit rises by {more}"
     )
 
 

@@ -329,7 +329,7 @@ def result_of(
             result.bands,
             channels=names,
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
-            most=samples.most,
+            most=None if result.twice else samples.most,  # free residues of two columns of one exponent are not told
             as_read=result.as_read,
             one=result.one,
         )
