@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
@@ -122,6 +122,51 @@ class Composites(Rebuilt):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OuterProducts(Rebuilt):
+    r"""Residues as outer products of shapes, one of all inputs, and participations; and the errors of both.
+
+    .. math:: R_{r,o,i} = \psi_{ro}\, l_{ri}, \qquad \mathrm{cov}\, \psi_o = \sum_i \sigma_{oi}^2 S_i, \qquad
+              \delta\psi = -\sum_i H_i\, \mathrm{diag}(\delta l_i)\, \psi
+
+    with σ the noise of each output and input, S for known poles and participations. Errors of a shape are the same in
+    all inputs, and not independent as those of free residues are.
+
+    Parameters
+    ----------
+    shares
+        l (modes, inputs).
+    spread
+        S (inputs, modes, modes).
+    slope
+        H (inputs, modes, modes).
+    covariance
+        Of the poles [1/s] and the shares, each real parts, then imaginary parts: poles first, then each input
+        (2 modes (1 + inputs), 2 modes (1 + inputs)).
+    """
+
+    shares: Complexes
+    spread: Complexes
+    slope: Complexes
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        self._freeze(dtype=np.complex128, shares=("modes", "inputs"))
+        modes, inputs = self.shares.shape
+        self._freeze(dtype=np.complex128, spread=(inputs, modes, modes), slope=(inputs, modes, modes))
+        self._freeze(covariance=(2 * modes * (1 + inputs),) * 2)
+
+    def picked(self, order: Sequence[int]) -> OuterProducts:
+        """Modes in another order."""
+        modes, inputs = self.shares.shape
+        pick = np.ix_(range(inputs), order, order)
+        places = np.add.outer(modes * np.arange(2 * (1 + inputs)), order).ravel()
+        covariance = self.covariance[np.ix_(places, places)]
+        return OuterProducts(
+            shares=self.shares[order], spread=self.spread[pick], slope=self.slope[pick], covariance=covariance
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModalModel(Rebuilt):
     r"""Poles and residues of a free response sampled at `dt`.
 
@@ -152,6 +197,9 @@ class ModalModel(Rebuilt):
         Numbers about the fit.
     composites
         The composites of the data, of the model and of their difference, where the algorithm works with them.
+    products
+        Shapes and participations with their errors, where residues were fitted as outer products; a file does not keep
+        them.
     """
 
     multipliers: Complexes
@@ -164,6 +212,7 @@ class ModalModel(Rebuilt):
     outcome: Outcome = Outcome.SUCCESS
     stats: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     composites: Composites | None = None
+    products: OuterProducts | None = None
 
     def __post_init__(self) -> None:
         self._freeze(dtype=np.complex128, multipliers=("modes",))

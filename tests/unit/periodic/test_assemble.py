@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from tests.several_hits import Hits
 
 from floquid import floquet
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Record
 from floquid.errors import InputError
 from floquid.lifting import Lifted, lift
-from floquid.lti import MaximumLikelihood, ModalModel
+from floquid.lti import Ensemble, MaximumLikelihood, ModalModel
 from floquid.periodic import assemble, participation, select_bands
 from floquid.sync import segment
 
@@ -363,3 +364,29 @@ def test_channels_keep_their_units():
     )
     lifted = lifted_from(truth)
     assert assemble(exact_modal(lifted, truth.multipliers), lifted, harmonics=2).channels == channels
+
+
+@pytest.mark.parametrize("noise", [(1.0, 1.0, 1.0), (1.0, 3.0, 0.5)])
+def test_outer_products_err_alike_in_all_hits(noise):
+    """Deviations are the Cramér-Rao bound of one shape; that of a sum over hits, too, whose errors are not independent.
+
+    With three samples a period the free residues of each phase are three harmonics, as the bound has them.
+    """
+    size = np.array(noise)
+    hits = Hits.drawn([-0.25 + 1.4j, -0.2 + 2.6j], 3, 12, channels=3, phases=3, noise=1e-4, seed=2)
+    hits = dataclasses.replace(hits, states=hits.states / size)  # the bound is of hits of equal noise
+    records = [
+        dataclasses.replace(record, values=record.values * own)
+        for record, own in zip(hits.records(0), noise, strict=True)
+    ]
+    lifted = lift(segment(records)).with_noise(np.tile(hits.noise * size, (3, 1)))
+    identifier = Ensemble()
+    model = assemble(identifier.extract(identifier.prepare(lifted.responses), 4), lifted, harmonics=1)
+    assert_allclose(model.exponents[::2], hits.exponents, atol=1e-3)
+    estimates, (_, bound) = model.estimates, hits.bound()
+    wanted = np.array([bound[m, :, :, k + 1] for m, k in zip(estimates.modes, estimates.harmonics, strict=True)])
+    found = estimates.std() / size
+    assert_allclose(found.real, wanted.real, rtol=0.15)
+    assert_allclose(found.imag, wanted.imag, rtol=0.15)
+    whole = np.broadcast_to(1.0 / size, (1, *estimates.coefficients.shape)).astype(complex)
+    assert np.sqrt(estimates.variance(by_coefficients=whole)[0]) == pytest.approx(hits.bound_of_sum(), rel=0.1)

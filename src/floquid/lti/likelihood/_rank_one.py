@@ -21,7 +21,7 @@ from floquid.lti._exponentials import complex_residues, from_sample_zero, no_lon
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._significance import rise_limit
-from floquid.lti._types import PRODUCTS, ModalModel, Outcome, TimeResponses
+from floquid.lti._types import PRODUCTS, ModalModel, Outcome, OuterProducts, TimeResponses
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,22 +341,31 @@ def model_of_products(fit: ProductFit, stacked: Stacked, outcome: Outcome, colou
     # An input that hardly holds a mode says nothing of how its residue there moves with the pole.
     least = np.sqrt(np.finfo(float).eps)
     safe = [np.where(np.abs(share) > least, share, least) for share in in_inputs]
+    joint, of_inputs = _covariance(fit, stacked, colour, data.dt), scale[0] / scale[0, 0]
+    errors = [spread[:, part] / size for part, size in zip(parts, of_inputs, strict=True)]
+    alone = [terms[:length] * back for length in data.lengths]
     return ModalModel(
         multipliers=poles.multipliers(),
         residues=residues,
         dt=data.dt,
-        covariance=_covariance(fit, stacked, colour) / data.dt**2,
+        covariance=joint[: 2 * n, : 2 * n],
         residue_spread=np.stack([np.outer(share, share.conj()) * (spread @ spread.conj().T) for share in in_inputs]),
         residue_slope=np.stack([one[:, None] * slope / divisor for one, divisor in zip(in_inputs, safe, strict=True)]),
         residual_std=np.stack(residual_std, axis=1),
         outcome=outcome,
         stats={"cost": fit.cost, PRODUCTS: 1.0},
+        products=OuterProducts(
+            shares=np.stack(in_inputs, axis=1) * of_inputs,
+            spread=np.stack([error @ error.conj().T for error in errors]),
+            slope=np.stack([error @ term for error, term in zip(errors, alone, strict=True)]),
+            covariance=joint * np.outer(*[np.concatenate([np.ones(2 * n), np.repeat(of_inputs, 2 * n)])] * 2),
+        ),
     )
 
 
-def _covariance(fit: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
-    """Covariance of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
-    poles = fit.products.poles
+def _covariance(fit: ProductFit, stacked: Stacked, colour: Floats, dt: float) -> Floats:
+    """Covariance of the poles [1/s], then of the participations in each input; of each real parts, then imaginary."""
+    poles, shares = fit.products.poles, fit.products.shares
     moves, _, residues, residual = _eliminated(fit.products, stacked.block, stacked.data.lengths)
     turned = residual @ residues.T
     # The covariance of the gradient, with that of the responses taken from the residual (`of_dependent_noise`).
@@ -365,10 +374,14 @@ def _covariance(fit: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
     degrees = len(residual) - poles.order - stacked.data.n_inputs
     scatter = moves.products(turned.T @ turned / degrees) if degrees > 0 else fit.whole
     unit = sandwich(fit.information, scatter, 1e-12)
-    places, at = [], 0
-    for width in poles.sizes.tolist():
-        places += list(range(at, at + width))
-        at += width * fit.products.shares.shape[1]
     map_ = poles.parameter_map()
     stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[poles.columns()[0]]
-    return stack @ unit[np.ix_(places, places)] @ stack.T
+    # Of each entry the parameters of the pole come first, then those of the inputs but the reference, where it is 1.
+    to, at, column = np.zeros((1 + shares.shape[1], len(stack), len(unit))), 0, 0
+    for width, reference in zip(poles.sizes.tolist(), fit.products.reference.tolist(), strict=True):
+        for place in (0, *(1 + i for i in range(shares.shape[1]) if i != reference)):
+            to[place, :, at : at + width] = stack[:, column : column + width] / (1.0 if place else dt)
+            at += width
+        column += width
+    stacked_all = to.reshape(-1, len(unit))
+    return np.asarray(stacked_all @ unit @ stacked_all.T, np.float64)

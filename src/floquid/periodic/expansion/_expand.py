@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from floquid._checks import input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.fit import HALF_DIGITS, covariance_root
 from floquid.lifting import Lifted
-from floquid.lti import ModalModel
+from floquid.lti import ModalModel, OuterProducts
 from floquid.periodic.expansion._kept_harmonics import select_bands
 from floquid.search import GAP
 
@@ -48,17 +49,34 @@ def free_estimates(
     moved[modes, np.arange(len(terms))] -= values * relative[:, :, None]
     moved = moved * lifted.period
     real = np.array([partners[mode] == mode for mode in distinct])
-    mirrored = moved[[partners[mode] for mode in distinct]]
-    straight = moved[distinct]
-    both = np.where(real[:, None, None, None], straight, straight + mirrored)
-    across = np.where(real[:, None, None, None], 0.0, 1j * (straight - mirrored))
-    slopes = np.moveaxis(np.concatenate([both, across, np.zeros_like(both[:1])]), 0, -1)
-    order, count = modal.order, len(distinct)
-    parts = np.array([*distinct, *(order + mode for mode in distinct)])
-    covariance = np.zeros((2 * count + 1, 2 * count + 1))
-    covariance[:-1, :-1] = modal.covariance[np.ix_(parts, parts)]
-    covariance[count:-1][real], covariance[:, count:-1][:, real] = 0.0, 0.0
-    n_hits = lifted.n_hits
+
+    def by_parts(by_modes: Complexes) -> Complexes:
+        """Slopes by the real parts of distinct modes, then by their imaginary parts, from those by all modes."""
+        straight, mirrored = by_modes[distinct], by_modes[[partners[mode] for mode in distinct]]
+        both = np.where(real[:, None, None, None], straight, straight + mirrored)
+        across = np.where(real[:, None, None, None], 0.0, 1j * (straight - mirrored))
+        return np.concatenate([both, across])
+
+    slopes, n_hits, count = by_parts(moved), lifted.n_hits, len(distinct)
+    parts, known = np.concatenate([distinct, np.add(distinct, modal.order)]), modal.covariance
+    spread, blocks = modal.residue_spread, np.tile(np.arange(n_hits), (lifted.n_channels, 1))
+    scales = lifted.noise / gain.T[:, :, None]
+    if modal.products is not None:
+        own, known = modal.products, modal.products.covariance
+        shapes = np.einsum("tk,rck->rtc", kernel, lifted.by_channel(_shapes(modal, own)[..., None])[..., 0]) / gain.T
+        slopes = np.concatenate([slopes, *(by_parts(moved) for moved in _by_shares(own, shapes, modes))])
+        parts = np.add.outer(2 * modal.order * np.arange(1 + n_hits), parts).ravel()
+        spread, blocks = (
+            np.einsum("ch,hrs->crs", lifted.noise**2, own.spread),
+            np.repeat(np.arange(lifted.n_channels)[:, None], n_hits, axis=1),
+        )
+        scales = own.shares[modes][:, None] / gain.T[:, :, None]
+    covariance = known[np.ix_(parts, parts)]
+    covariance[count : 2 * count][real], covariance[:, count : 2 * count][:, real] = 0.0, 0.0
+    # The fundamental stands behind the exponents; a participation that is 1 by definition is no parameter.
+    kept = np.concatenate([np.arange(2 * count), 2 * count + np.flatnonzero(np.diag(covariance)[2 * count :] > 0.0)])
+    covariance = np.insert(np.insert(covariance[np.ix_(kept, kept)], 2 * count, 0.0, axis=0), 2 * count, 0.0, axis=1)
+    slopes = np.moveaxis(np.insert(slopes[kept], 2 * count, 0.0, axis=0), 0, -1)
     place = {mode: number for number, mode in enumerate(distinct)}
     return Estimates(
         exponents=exponents[distinct],
@@ -69,10 +87,29 @@ def free_estimates(
         coefficients=values,
         covariance=covariance,
         slopes=slopes,
-        spread=np.array([_spread(modal.residue_spread[hit], kernel, modes, partners) for hit in range(n_hits)]),
-        blocks=np.tile(np.arange(n_hits), (lifted.n_channels, 1)),
-        scales=lifted.noise / gain.T[:, :, None],
+        spread=np.array([_spread(each, kernel, modes, partners) for each in spread]),
+        blocks=blocks,
+        scales=scales,
+        shared=modal.products is not None,
     )
+
+
+def _shapes(modal: ModalModel, own: OuterProducts) -> Complexes:
+    """The shapes of outer products (modes, outputs)."""
+    modes, largest = np.arange(modal.order), np.abs(own.shares).argmax(axis=1)
+    return modal.residues[modes, :, largest] / own.shares[modes, largest][:, None]
+
+
+def _by_shares(own: OuterProducts, shapes: Complexes, modes: Integers) -> Iterator[Complexes]:
+    """Slopes of coefficients by the participations in each hit (modes, terms, channels, hits).
+
+    `shapes` are the lines of the shape of each mode that the kernel of each term makes (modes, terms, channels).
+    """
+    terms = np.arange(len(modes))
+    for hit, slope in enumerate(own.slope):
+        moved = -np.einsum("tr,rtc,th->rtch", slope[modes], shapes, own.shares[modes])
+        moved[modes, terms, :, hit] += shapes[modes, terms]
+        yield moved
 
 
 def share_of_nyquist(turns: Floats, n_phases: int) -> Floats:
@@ -267,6 +304,7 @@ def _reordered(modal: ModalModel, order: list[int]) -> ModalModel:
         covariance=None if modal.covariance is None else modal.covariance[np.ix_(stacked, stacked)],
         residue_spread=None if modal.residue_spread is None else modal.residue_spread[pick],
         residue_slope=None if modal.residue_slope is None else modal.residue_slope[pick],
+        products=None if modal.products is None else modal.products.picked(order),
     )
 
 
@@ -341,9 +379,8 @@ def _coefficients(
     partner = _partner(modal, mode)
     strength = np.sum(np.abs(kernel) ** 2, axis=1) / np.abs(gain[:, None]) ** 2
     pseudo = np.sum(kernel**2, axis=1) / gain[:, None] ** 2
-    noise = lifted.noise[:, :, None] ** 2
-    whole = noise * modal.residue_spread[:, mode, mode, None].real * strength
-    skew = noise * np.real(modal.residue_spread[:, mode, partner, None] * pseudo)
+    whole = _of_residues(modal, lifted, mode, mode).real * strength
+    skew = np.real(_of_residues(modal, lifted, mode, partner) * pseudo)
     # What an error of the poles does: through the residues of every mode, and through this mode's own delay and gain.
     moved = np.einsum("mk,rckh->rchm", kernel, residues) * -modal.residue_slope[:, mode, :].T[:, None, :, None]
     moved[mode] -= np.einsum("mk,k,ckh->chm", kernel, times / lifted.period, residues[mode])
@@ -356,6 +393,16 @@ def _coefficients(
     real = np.sqrt(np.maximum(0.5 * (whole + skew), 0.0) + np.sum(along_real**2, axis=0))
     imag = np.sqrt(np.maximum(0.5 * (whole - skew), 0.0) + np.sum(along_imag**2, axis=0))
     return coefficients, real + 1j * imag
+
+
+def _of_residues(modal: ModalModel, lifted: Lifted, mode: int, other: int) -> Complexes:
+    """Covariance of the residues of two modes for known poles (channels, hits, 1)."""
+    if modal.products is None:
+        assert modal.residue_spread is not None
+        return (lifted.noise**2 * modal.residue_spread[:, mode, other])[:, :, None]
+    shares = modal.products.shares
+    of_shape = lifted.noise**2 @ modal.products.spread[:, mode, other]
+    return (of_shape[:, None] * shares[mode] * shares[other].conj())[:, :, None]
 
 
 def _by_frequency(modal: ModalModel, expansion: Expansion) -> list[int]:
