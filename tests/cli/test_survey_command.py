@@ -128,6 +128,18 @@ def test_the_speed_is_that_of_the_clock(runs, records):
     assert jobs([runs / "clocked.npz"], over="speed_rpm")[0].values == {"speed_rpm": pytest.approx(3000.0)}
 
 
+def test_variables_are_channels_by_their_names(runs, records):
+    """As `floquid info` says: a file of named vectors needs --channels, in a survey as elsewhere."""
+    rows = dict(zip("XY", records[0].values[:2], strict=True))
+    np.savez(runs / "plain.npz", time=np.arange(len(rows["X"])) / records[0].sample_rate, speed_rpm=30.0, **rows)
+    named, alone = (jobs([runs / "plain.npz"], over="speed_rpm", **how)[0] for how in ({"channels": ("X", "Y")}, {}))
+    assert named.reason is None
+    assert named.values == {"speed_rpm": 30.0}
+    assert named.choices.settings.period == pytest.approx(2.0)
+    assert "Name them by" in alone.reason
+    typed("identify plain.npz --channels X,Y", code=2, message="`--period` must be given")
+
+
 @pytest.mark.parametrize(
     ("command", "message"),
     [

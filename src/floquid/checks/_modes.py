@@ -176,7 +176,7 @@ def _moving(model: PeriodicModel, near: float) -> list[Finding]:
     return findings
 
 
-def _repeats(model: PeriodicModel) -> int:
+def repeats_of(model: PeriodicModel) -> int:
     """The number of times that the system repeats in a period: the common divisor of the distances of its lines."""
     std = model.coefficient_std
     if std is None:
@@ -200,7 +200,7 @@ def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, 
         findings += _still(model, std)
     if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
         findings.append(warning("no_second_harmonic"))
-    elif (times := _repeats(model)) > 1:
+    elif (times := repeats_of(model)) > 1:
         findings.append(warning("period_multiple", given=model.period, times=times))
     findings += _moving(model, WANDERING if wanders else NEIGHBOURS)
     if std is not None and _halved(model, std):

@@ -62,6 +62,8 @@ def verdict(found: Comparison) -> str:
     if not found.independent:
         return "No χ²: both sides are identified from one record, so their errors are not independent."
     if found.chi2 is None or found.p is None:
+        if not found.pairs:
+            return "No χ²: no mode of a is like one of b."
         known = all(np.isnan(pair.z) for pair in found.pairs)
         return "No χ²: " + ("neither side has deviations." if known else "no pair with deviations counts.")
     figures = f"χ² = {found.chi2:.4g} of {found.dof}, {_probability(found.p)}"

@@ -101,7 +101,7 @@ def _draw_close(axes: Axes, here: ComparedPoint, pair: Pair) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(short_tick)
     axes.tick_params(labelsize=7.0)
-    z = "" if np.isnan(pair.z) else f", {pair.z:.3g} deviations"
+    z = "" if np.isnan(pair.z) else f": z = {pair.z:.3g}"
     numbers = mode_number(here.model_a, pair.a), mode_number(here.model_b, pair.b)
     axes.set_title(f"a {numbers[0]}, b {numbers[1]}{z}", fontsize=8.0)
 

@@ -11,15 +11,24 @@ from floquid._checks import an_instance, index, wrong_value
 from floquid.fit import WITHIN
 from floquid.floquet import Instability, StabilityMap
 from floquid.plot._style import Into, drawing, grid_of, label_values, plain
-from floquid.surveys import DAMPING, Damping, Survey, Track, damping_of, link_runs, look_of, order_lines
+from floquid.surveys import (
+    DAMPING,
+    Damping,
+    Survey,
+    Track,
+    damping_of,
+    link_runs,
+    looks,
+    order_end,
+    order_lines,
+    unstable_spans,
+)
 from floquid.views import Ink, over_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
-DASHES = ("solid", "dashdot", "dotted")  # of the tracks behind the first seven
 WAY = 48  # steps of the way of a multiplier from one point to the next
 FAN = 4  # harmonics of a fan on either side
 
@@ -82,7 +91,7 @@ def damping(found: Survey, *, unit: Damping = "decay", ax: Into = None) -> Figur
                 for place in np.flatnonzero(track.locked):
                     ends = track.exponents[place].real
                     axes.plot(
-                        x[[place, place]], ends, "s-", color=_look(found, number)[0], markersize=3.5, linewidth=1.6
+                        x[[place, place]], ends, "s-", color=looks(found)[number][0], markersize=3.5, linewidth=1.6
                     )
         axes.axhline(0.0, color=Ink.BLACK, linewidth=0.9)
         low, high = axes.get_ylim()
@@ -114,12 +123,12 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
             # An angle of many turns goes round the circle from point to point, and not straight across it.
             with np.errstate(invalid="ignore"):
                 way = np.exp(np.interp(np.linspace(0.0, places[-1], WAY * places[-1] + 1), places, free))
-            right.plot(way.real, way.imag, color=_look(found, number)[0], linewidth=0.9)
+            right.plot(way.real, way.imag, color=looks(found)[number][0], linewidth=0.9)
             for pair in np.exp(turned[track.locked]):
-                right.plot(pair.real, pair.imag, "s", color=_look(found, number)[0], markersize=3.0)
+                right.plot(pair.real, pair.imag, "s", color=looks(found)[number][0], markersize=3.0)
             if np.isfinite(way[-2:]).all():
                 ends = [(value.real, value.imag) for value in way[[-1, -2]]]
-                right.annotate("", *ends, arrowprops={"arrowstyle": "->", "color": _look(found, number)[0]})
+                right.annotate("", *ends, arrowprops={"arrowstyle": "->", "color": looks(found)[number][0]})
         left.axhline(1.0, color=Ink.BLACK, linewidth=0.9)
         _label(left, found)
         left.set_ylabel("|μ|")
@@ -127,18 +136,10 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
     return figure
 
 
-def _look(found: Survey, number: int) -> tuple[str, str, str]:
-    """Colour and dash of a track, and the dash of its doubtful links: by its name, or by its number."""
-    by_name = look_of(found.tracks[number], found)
-    if by_name is not None:
-        return *by_name, "dotted"
-    return COLOURS[number % len(COLOURS)], DASHES[number // len(COLOURS) % len(DASHES)], "dashed"
-
-
 def _line(axes: Axes, found: Survey, number: int, values: Floats, std: Floats) -> None:
     """One track: its line, dashed where a link is doubtful, and its marks with bars."""
     track, x = found.tracks[number], found.values[found.tracks[number].points]
-    colour, dash, doubt = _look(found, number)
+    colour, dash, doubt = looks(found)[number]
     axes.plot([], [], color=colour, linestyle=dash, linewidth=1.1, label=track.name)
     for run, doubtful in link_runs(track):
         axes.plot(x[run], values[run], color=colour, linestyle=doubt if doubtful else dash, linewidth=1.1)
@@ -169,24 +170,9 @@ def _period(found: Survey, point: int) -> float:
 
 def _spans(axes: Axes, found: Survey) -> None:
     """Shade where a mode is unstable, the intervals of the edges darker."""
-    x = found.values
-    for track in found.tracks:
-        places, unstable = x[track.points], track.growth > 0.0
-        turns = np.flatnonzero(np.diff(np.concatenate([[False], unstable, [False]]).astype(int)))
-        ends = [_end(found, track, k, places) for k in turns.tolist()]
-        for low, high in zip(ends[::2], ends[1::2], strict=True):
-            axes.axvspan(low, high, facecolor=Ink.VERMILION, alpha=0.12, edgecolor="none", zorder=0)
-    for edge in found.edges:
-        axes.axvspan(*edge.interval, facecolor=Ink.VERMILION, alpha=0.3, edgecolor="none", zorder=0)
-
-
-def _end(found: Survey, track: Track, place: int, x: Floats) -> float:
-    """The end of an unstable span before a place of a track: that of its edge, else the nearest point."""
-    if 0 < place < len(x):
-        between = (int(track.points[place - 1]), int(track.points[place]))
-        known = [edge.value for edge in found.edges if edge.between == between and edge.value is not None]
-        return known[0] if known else float(x[place - 1 : place + 1].mean())
-    return float(x[min(place, len(x) - 1)])
+    for spans, alpha in ((unstable_spans(found), 0.12), ([edge.interval for edge in found.edges], 0.3)):
+        for low, high in spans:
+            axes.axvspan(low, high, facecolor=Ink.VERMILION, alpha=alpha, edgecolor="none", zorder=0)
 
 
 def _references(axes: Axes, found: Survey, orders: tuple[int, ...] | None, top: float) -> None:
@@ -195,12 +181,11 @@ def _references(axes: Axes, found: Survey, orders: tuple[int, ...] | None, top: 
     for label, hertz in order_lines(found, orders):
         axes.plot(x, hertz, ":", color=Ink.SILVER, linewidth=0.9)
         style: dict[str, Any] = {"textcoords": "offset points", "color": Ink.SILVER, "va": "center"}
-        inside = np.flatnonzero(hertz < top)
-        if len(inside) and inside[-1] == len(x) - 1:
-            axes.annotate(label, (1.0, hertz[-1]), (3, 0), xycoords=axes.get_yaxis_transform(), **style)
-        elif len(inside):  # it leaves the figure at its top
-            ends = slice(int(inside[-1]), int(inside[-1]) + 2)
-            axes.annotate(label, (float(np.interp(top, hertz[ends], x[ends])), top), (3, -7), **style)
+        end = order_end(found, hertz, top)
+        if end is not None and end[1] < top:
+            axes.annotate(label, (1.0, end[1]), (3, 0), xycoords=axes.get_yaxis_transform(), **style)
+        elif end is not None:  # it leaves the figure at its top
+            axes.annotate(label, end, (3, -7), **style)
     known = [k for k, point in enumerate(found.points) if point.model is not None]
     axes.plot(
         x[known], [0.5 / _period(found, k) for k in known], "--", color=Ink.SILVER, linewidth=0.9, label="half of 1/T"

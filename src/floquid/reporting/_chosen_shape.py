@@ -37,7 +37,7 @@ if (orbit) orbit.title.text = "Orbits of " + where;
 for (const [family, waves] of Object.entries(tables)) {
   const share = at("waves " + family), text = share.map(s => s < 0.005 ? "" : s.toFixed(2));
   waves.data = { ...waves.data, share, text };
-  patterns[family].title.text = family + " over the blades: " + where;
+  patterns[family].title.text = family + ": " + where;
 }
 """
 """A mark that is clicked shows its shape."""
@@ -157,9 +157,9 @@ def chosen_figures(found: Survey, marks: Any) -> dict[str, Figure]:
         for kind, (word, colour, dash) in enumerate(KINDS):
             curves: Any = _curves(first["orbits"], kind)
             orbits.append(ColumnDataSource(curves))
-            made["orbits"].multi_line(
-                "xs", "ys", source=orbits[-1], line_color=colour, line_dash=dash, legend_label=word
-            )
+            look: dict[str, Any] = {"line_color": colour, "line_dash": dash, "legend_label": word}
+            made["orbits"].line([np.nan], [np.nan], **look)  # the legend has the line of a kind that this mode lacks
+            made["orbits"].multi_line("xs", "ys", source=orbits[-1], **look)
             made["orbits"].scatter("x", "y", source=orbits[-1], color=colour, size=7, legend_label=word)
         legend_above(made["orbits"], columns=3)
     patterns = {
@@ -186,7 +186,7 @@ def _pattern(name: str, waves: Any, shares: Sequence[float], where: str) -> Figu
     for axis in own.axis:
         axis.ticker = SingleIntervalTicker(interval=1)
     own.grid.visible = False
-    own.title.text = f"{name} over the blades: {where}"
+    own.title.text = f"{name}: {where}"
     blues = [f"#{255 - 169 * k // 100:02x}{255 - 75 * k // 100:02x}{255 - 22 * k // 100:02x}" for k in range(101)]
     shade: Any = {"field": "share", "transform": LinearColorMapper(palette=blues, low=0.0, high=1.0)}
     cells = own.rect("m", "n", 1, 1, source=source, fill_color=shade, line_color="#dddddd")

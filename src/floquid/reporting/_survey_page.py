@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.fit import WITHIN
-from floquid.reporting._case import CURVES, DASHES, HEIGHT, ROW, Figure, hover, legend_above, new_figure
+from floquid.reporting._case import HEIGHT, ROW, Figure, hover, legend_above, new_figure
 from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
 from floquid.reporting._page import drawn_by, filled, listed
 from floquid.surveys import (
@@ -20,14 +20,17 @@ from floquid.surveys import (
     damping_of,
     edge_words,
     link_runs,
-    look_of,
+    looks,
+    order_end,
     order_lines,
     track_rows,
+    unstable_spans,
 )
 from floquid.views import DampingUnit, Ink, over_label, over_unit
 
-MOST = 8  # tracks of one look
 COLUMNS = 4  # of a legend
+BEFORE, BEHIND = 0.03, 0.1  # room beside the points over their range; behind them stand the orders of the speed
+ABOVE = 1.15  # top of the figure of frequencies over the largest
 SENSES = {0: "circle", 1: "triangle", -1: "inverted_triangle"}
 """Marks of modes that whirl forward and backward, and of others."""
 
@@ -62,7 +65,7 @@ def survey_page(found: Survey, *, title: str | None, damping: DampingUnit = "per
         notes=found.notes,
         warnings=found.warnings,
         heading=over_label(found.over), within=f"{100.0 * found.confidence:g} % interval",
-        tracks=track_rows(found),
+        tracks=track_rows(found), whirls=bool(found.shapes.pairs),
         edges=[edge_words(found, edge) for edge in found.edges],
         points=[_point_row(found, point) for point in found.points],
         sources=[], steps=STEPS, settings=[], hits=[],
@@ -93,23 +96,26 @@ def _point_row(found: Survey, point: Point) -> tuple[str, ...]:
 
 def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
     """The figures over the operating point by the names of their places."""
-    from bokeh.models import TapTool
+    from bokeh.models import BoxAnnotation, Range1d, TapTool
 
-    made = {}
+    made, (begin, end) = {}, found.values[[0, -1]]
+    spans = [(*span, 0.12) for span in unstable_spans(found)] + [(*edge.interval, 0.3) for edge in found.edges]
+    room = (end - begin) or 1.0
+    across = Range1d(begin - BEFORE * room, end + BEHIND * room)
     for name, label in (("frequency", "frequency [Hz]"), ("decay", DAMPING["decay"]), ("damping", marks.name)):
         first = name == "frequency"
         height = HEIGHT + ROW * (len(found.tracks) // COLUMNS if first else 0)
-        drawn = new_figure(over_label(found.over), label, name=name, height=height)
-        low, high = _range(marks.data[name])
+        drawn = new_figure(over_label(found.over), label, name=name, height=height, x_range=across)
+        high = max((value for value in marks.data[name] if np.isfinite(value)), default=1.0)
         for number, track in enumerate(found.tracks):
-            colour, dash = _look(found, number)
+            colour, dash, doubt = looks(found)[number]
             look: dict[str, Any] = {"line_color": colour, "legend_label": track.name}
             y = {
                 "frequency": np.abs(track.frequency) / (2.0 * np.pi),
                 "decay": track.decay,
                 "damping": damping_of(track, unit)[0],
             }
-            x, doubt = found.values[track.points], "dashed" if dash == "solid" else "dotted"
+            x = found.values[track.points]
             drawn.line([], [], line_dash=dash, **look)  # the legend has the dash of the track
             for run, doubtful in link_runs(track):
                 drawn.line(x[run], y[name][run], line_dash=doubt if doubtful else dash, **look)
@@ -119,19 +125,21 @@ def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
         drawn.segment("x", f"{name}_low", "x", f"{name}_high", source=marks, line_color="colour")
         dots = drawn.scatter("x", name, source=marks, size=8, line_color="colour", fill_color="fill", marker="marker")
         if first:
+            top = ABOVE * high
+            drawn.y_range = Range1d(0.0, top)
             for order, hertz in order_lines(found):
-                drawn.line(
-                    found.values, np.where(hertz > 1.15 * high, np.nan, hertz), line_color=Ink.GREY, line_dash="dotted"
-                )
-                last = np.flatnonzero(hertz <= high)[-1:]
-                drawn.text(
-                    found.values[last], hertz[last], [order] * len(last), text_color=Ink.GREY, text_font_size="12px"
-                )
+                drawn.line(found.values, hertz, line_color=Ink.GREY, line_dash="dotted")
+                end = order_end(found, hertz, top)
+                if end is not None:
+                    beside: Any = {"x_offset": 7, "text_baseline": "top" if end[1] == top else "middle"}
+                    beside |= {"text_color": Ink.GREY, "text_font_size": "12px"}
+                    drawn.text([end[0]], [end[1]], [order], **beside)
         else:
             drawn.line(found.values[[0, -1]], [0.0, 0.0], line_color=Ink.BLACK)
-        for edge in found.edges:
-            if edge.value is not None:
-                drawn.line([edge.value] * 2, [low, high], line_color=Ink.VERMILION, line_dash="dotted")
+        for low, high, shade in spans:
+            drawn.add_layout(
+                BoxAnnotation(left=low, right=high, fill_color=Ink.VERMILION, fill_alpha=shade, line_color=None)
+            )
         drawn.add_tools(TapTool(renderers=[dots]))
         told = [
             ("", "@name"),
@@ -147,18 +155,6 @@ def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
             drawn.legend[0].visible = False  # that of the first figure is of all
         made[name] = drawn
     return made
-
-
-def _look(found: Survey, number: int) -> tuple[str, str]:
-    """Colour and dash of a track: by its name, or by its number."""
-    by_name = look_of(found.tracks[number], found)
-    return by_name or (CURVES[number % MOST], DASHES[number // MOST % len(DASHES)])
-
-
-def _range(values: list[float]) -> tuple[float, float]:
-    """The range of the values of a figure."""
-    known = [value for value in values if np.isfinite(value)]
-    return min(known, default=0.0), max(known, default=1.0)
 
 
 def _marks(found: Survey, unit: Damping) -> Any:
@@ -180,7 +176,7 @@ def _marks(found: Survey, unit: Damping) -> Any:
                     "decay": (lam.real, std.real),
                     "damping": (values[place], spread[place]),
                 }
-                colour = _look(found, number)[0]
+                colour = looks(found)[number][0]
                 rows.append({
                     "track": number, "name": track.name, "x": float(found.values[point]), "colour": colour,
                     "fill": "white" if track.weak[place] else colour, "confidence": float(track.confidence[place]),

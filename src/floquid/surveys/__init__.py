@@ -21,9 +21,12 @@ from floquid.surveys._words import (
     edge_words,
     link_runs,
     look_of,
+    looks,
+    order_end,
     order_lines,
     point_rows,
     track_rows,
+    unstable_spans,
 )
 
 __all__ = [

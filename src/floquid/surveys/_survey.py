@@ -15,6 +15,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error, integer, positive, wrong_value
 from floquid._show import late
+from floquid.checks import repeats_of
 from floquid.shapes import Blades, Pairs, ShapeOptions, Words, ordinal
 from floquid.surveys._edges import Crossing, Followed, crossings
 from floquid.surveys._objects import Seen, similarities
@@ -150,7 +151,7 @@ def _followed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
     followed = [{there[at]: held.own for at, held in zip(path.places, path.objects, strict=True)} for path in paths]
     notes, doubts = meetings(tracks, followed, values, over)
     edges = tuple(_edge(crossing, values, confidence) for crossing in crossings(followed, values))
-    warnings += _doubts(tracks, values)
+    warnings += [*_repeated([points[k] for k in there]), *_doubts(tracks, values)]
     return Survey(
         over=over,
         points=points,
@@ -209,6 +210,17 @@ def _track(path: Path, there: Sequence[int], points: Sequence[Point]) -> Track:
         },
     )
     return in_fixed_frame(found, blades[:, 3], np.array([held.own.fundamental for held in path.objects]))
+
+
+def _repeated(points: Sequence[Point]) -> list[str]:
+    """A sentence where the system repeats several times in the period at most points: modes are then found twice."""
+    counts = Counter(repeats_of(point.model) for point in points if point.model is not None)
+    times, number = counts.most_common(1)[0] if counts else (1, 0)
+    if times == 1 or 2 * number <= len(points):
+        return []
+    seen = f"At {number} of {counted(len(points), 'point')} the system repeats {times} times within its period."
+    remedy = f"Identify with that part of the period: of a revolution, `--periods-per-rev {times}`."
+    return [f"{seen} {remedy}"]
 
 
 def _doubts(tracks: Sequence[Track], values: Floats) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.shapes import WORDS
 from floquid.surveys._types import Edge, Survey, Track
-from floquid.views import with_error
+from floquid.views import Ink, with_error
 
 DOUBTFUL = 0.8
 """Confidence below which a link is told and drawn as doubtful: most wrong ones are below it."""
@@ -22,7 +22,10 @@ KINDS = {"lock": "{}, locked with itself", "sum": "{}, locked with each other", 
 
 
 def track_rows(found: Survey) -> list[tuple[str, ...]]:
-    """Rows of the tracks of a survey `found`: points, ends of frequency and decay, where locked, where unstable."""
+    """Rows of the tracks of a survey `found`: points, ends of frequency and decay, whirl, where locked and unstable.
+
+    The whirl is there where pairs of channels were read.
+    """
     rows: list[tuple[str, ...]] = []
     for track in found.tracks:
         hertz, std = np.abs(track.frequency) / (2.0 * np.pi), track.frequency_std / (2.0 * np.pi)
@@ -35,6 +38,7 @@ def track_rows(found: Survey) -> list[tuple[str, ...]]:
                 f"{len(track.points)} of {len(found.points)}",
                 " … ".join(with_error(float(hertz[k]), float(std[k])) for k in ends),
                 " … ".join(with_error(float(value), float(spread)) for value, spread in decays),
+                *([" … ".join(f"{track.whirl[k]:+.2f}" for k in ends)] if found.shapes.pairs else []),
                 _spans(values, track.locked),
                 _spans(values, track.growth > 0.0),
             )
@@ -115,6 +119,42 @@ def look_of(track: Track, found: Survey) -> tuple[str, str] | None:
     return (known or [other])[0], DASHES[words.index(told[2])] if told and told[2] in words else "solid"
 
 
+COLOURS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
+OTHER_DASHES = ("solid", "dashdot", "dotted")
+"""Colours of tracks without names, and the dashes of those behind the first seven."""
+
+
+def looks(found: Survey) -> list[tuple[str, str, str]]:
+    """Colour and dash of each track, and the dash of its doubtful links: by its name, or by its number."""
+    made = []
+    for number, track in enumerate(found.tracks):
+        by_name = look_of(track, found)
+        round_, place = divmod(number, len(COLOURS))
+        by_number = COLOURS[place], OTHER_DASHES[round_ % len(OTHER_DASHES)], "dashed"
+        made.append(by_number if by_name is None else (*by_name, "dotted"))
+    return made
+
+
+def unstable_spans(found: Survey) -> list[tuple[float, float]]:
+    """Spans of the operating point in which a track is unstable, between its edges, or else half way between points."""
+    spans = []
+    for track in found.tracks:
+        x, unstable = found.values[track.points], track.growth > 0.0
+        turns = np.flatnonzero(np.diff(np.concatenate([[False], unstable, [False]]).astype(int)))
+        ends = [_end(found, track, k, x) for k in turns.tolist()]
+        spans += list(zip(ends[::2], ends[1::2], strict=True))
+    return spans
+
+
+def _end(found: Survey, track: Track, place: int, x: Floats) -> float:
+    """The end of an unstable span before a place of a track: that of its edge, else the middle of both points."""
+    if 0 < place < len(x):
+        between = (int(track.points[place - 1]), int(track.points[place]))
+        known = [edge.value for edge in found.edges if edge.between == between and edge.value is not None]
+        return known[0] if known else float(x[place - 1 : place + 1].mean())
+    return float(x[min(place, len(x) - 1)])
+
+
 def order_lines(found: Survey, orders: tuple[int, ...] | None = None) -> list[tuple[str, Floats]]:
     """Whole `orders` of the speed over the points (points,) [Hz], with labels: 1×, or 1P of a rotor with blades.
 
@@ -131,6 +171,17 @@ def order_lines(found: Survey, orders: tuple[int, ...] | None = None) -> list[tu
     default = (1, 2, 3) if not groups else (1, groups[0], 2 * groups[0], 3 * groups[0])
     sign = "P" if groups else "×"
     return [(f"{order}{sign}", order * hertz) for order in (default if orders is None else orders)]
+
+
+def order_end(found: Survey, hertz: Floats, top: float) -> tuple[float, float] | None:
+    """The end of the line of an order, at the right or the `top` [Hz] of a figure; None where it begins above."""
+    x, inside = found.values, np.flatnonzero(hertz < top)
+    if not len(inside):
+        return None
+    if inside[-1] == len(x) - 1:
+        return float(x[-1]), float(hertz[-1])
+    ends = slice(int(inside[-1]), int(inside[-1]) + 2)
+    return float(np.interp(top, hertz[ends], x[ends])), top
 
 
 def damping_of(track: Track, unit: Damping) -> tuple[Floats, Floats]:

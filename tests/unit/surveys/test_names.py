@@ -15,7 +15,7 @@ from floquid.exports import survey_columns, survey_summary
 from floquid.reporting._chosen_shape import shape_columns
 from floquid.shapes import ShapeOptions
 from floquid.shapes._read import _named
-from floquid.surveys import look_of, order_lines
+from floquid.surveys import look_of, looks, order_end, order_lines
 
 GROUPS = {"flap": BLADES[:3], "edge": BLADES[3:]}
 RANGE = (0.9, 1.6)
@@ -101,10 +101,10 @@ def test_a_weak_mode_has_a_name_where_its_share_is_sure(found):
 
 
 def test_looks_are_those_of_family_and_direction(found):
-    looks = {track.name: look_of(track, found) for track in found.tracks}
-    green, red, blue = looks["1st flap collective"][0], looks["1st edge collective"][0], looks["1st fa"][0]
+    by_name = {track.name: look_of(track, found) for track in found.tracks}
+    green, red, blue = (by_name[name][0] for name in ("1st flap collective", "1st edge collective", "1st fa"))
     assert len({green, red, blue}) == 3
-    for name, (colour, dash) in looks.items():
+    for name, (colour, dash) in by_name.items():
         _, family, *direction = name.split()
         assert colour == {"flap": green, "edge": red}.get(family, blue)
         assert dash == {"backward": "dashed", "forward": "dashdot"}.get("".join(direction), "solid")
@@ -116,6 +116,12 @@ def test_looks_are_those_of_family_and_direction(found):
     assert labels == ("1P", "3P", "6P", "9P")
     np.testing.assert_allclose(hertz[1], 3.0 * found.values / (2.0 * np.pi))
     assert not order_lines(unnamed)
+    assert [own[0] for own in looks(unnamed)[:4]] == ["#0072B2", "#D55E00", "#009E73", "#E69F00"]
+    last = found.values[-1]
+    assert order_end(found, hertz[1], 1e3) == (last, hertz[1][-1])
+    assert order_end(found, hertz[1], 0.0) is None
+    x, top = order_end(found, hertz[1], 0.5 * (hertz[1][0] + hertz[1][-1]))
+    assert np.interp(x, found.values, hertz[1]) == pytest.approx(top)
     assert len(found.plot.campbell().axes[0].lines) > len(found.tracks)
 
 

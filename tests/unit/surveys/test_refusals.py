@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from tests.locks import known
 
@@ -58,6 +59,19 @@ def test_units_that_differ(points):
     third = changed(points[2], values={"speed": 7.0}, files=("7.npz",), model=metres)
     with pytest.raises(InputError, match=r"7\.npz has 'c' in m, and 6\.4\.npz in mm\."):
         survey([*points[:2], other, third], over="speed")
+
+
+def test_a_system_that_repeats_within_its_period_is_told(points):
+    """Where most of the points have every second harmonic alone; not where one of three has."""
+
+    def with_even_harmonics(point):
+        model = replace(point.model, harmonics=2 * point.model.harmonics)
+        return changed(point, model=replace(model, coefficient_std=np.full(model.coefficients.shape, 1e-3 + 1e-3j)))
+
+    even = [with_even_harmonics(point) for point in points]
+    told = [len([own for own in survey(of, over="speed").warnings if "--periods-per-rev 2" in own]) for of in
+            (points, [*points[:2], even[2]], [points[0], *even[1:]])]  # fmt: skip
+    assert told == [0, 0, 1]
 
 
 def test_two_points_give_a_table(points):

@@ -12,7 +12,7 @@ import floquid as fq
 from floquid.errors import InputError
 from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
 from floquid.reporting._chosen_shape import _curves, shape_columns
-from floquid.surveys import Point, link_runs
+from floquid.surveys import Point, link_runs, track_rows, unstable_spans
 
 SPEEDS = np.arange(18.0, 22.1, 0.5)
 
@@ -137,6 +137,25 @@ def test_doubtful_links_have_a_dash_of_their_own(found):
     solid = [sum(line.get_linestyle() == "-" for line in one.plot.damping().axes[0].lines) for one in (found, doubtful)]
     assert solid[1] == solid[0] - len(found.tracks)
     assert [one.plot.campbell().legends[0].get_lines()[0].get_linestyle() for one in (found, doubtful)] == ["-", "-"]
+
+
+def test_unstable_spans_are_between_edges(found):
+    """The lock of mode 2, from edge to edge; where one has no value, from half way between two points."""
+    low, high = sorted(edge.value for edge in found.edges)
+    assert unstable_spans(found) == [(low, high)]
+    lost = replace(found, edges=tuple(replace(edge, value=None) for edge in found.edges))
+    ((first, last),) = unstable_spans(lost)
+    before, after = found.values[np.searchsorted(found.values, first) + np.array([-1, 0])]
+    assert first == pytest.approx(0.5 * (before + after))
+    assert first < high
+    assert last > low
+
+
+def test_whirl_is_in_the_table_where_it_was_read(found, whirling):
+    assert {len(row) for row in track_rows(found)} == {6}
+    assert {row[4] for row in track_rows(whirling)} >= {
+        f"{whirling.tracks[0].whirl[0]:+.2f} … {whirling.tracks[0].whirl[-1]:+.2f}"
+    }
 
 
 def test_what_no_figure_is_of(found):

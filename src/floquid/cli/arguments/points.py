@@ -12,7 +12,7 @@ from time import monotonic
 from floquid._checks import input_error
 from floquid.cli._errors import in_a_line
 from floquid.cli.arguments.options import Choices
-from floquid.cli.arguments.records import check_files, read_records
+from floquid.cli.arguments.records import check_files, read_records, records_in
 from floquid.cli.arguments.shared import RESULT, is_saved
 from floquid.cli.output.folder import modes_in
 from floquid.core import as_point
@@ -21,7 +21,7 @@ from floquid.fleets import Kept, kept_results, outcomes, time_left
 from floquid.floquet import read_matrix
 from floquid.io import readable_file
 from floquid.pipeline import identify
-from floquid.readers import FORMATS, read
+from floquid.readers import FORMATS
 from floquid.shapes import ShapeOptions
 from floquid.surveys import NOT_READ, Point, is_linearised, point_of
 
@@ -146,7 +146,7 @@ def _job(file: Path, choices: Choices, row: Mapping[str, float]) -> Job:
         return Job(files=(file,), choices=choices, values={**choices.point, **values}, known=True)
     chosen = choices.with_given(period=row.get("period"), point={**choices.point, **values} or None)
     try:
-        record = read(file, rate=choices.rate, header=choices.header)
+        (record,), _ = records_in([file], chosen)
     except (InputError, OSError) as error:
         return Job(files=(file,), choices=chosen, values=chosen.point, reason=in_a_line(error))
     known = {**record.point, **chosen.point}

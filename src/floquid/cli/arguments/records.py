@@ -14,8 +14,9 @@ from floquid._checks import input_error
 from floquid.cli.arguments.options import Choices
 from floquid.cli.arguments.shared import TELLS, options, split
 from floquid.core import Record
+from floquid.errors import InputError
 from floquid.io import readable_file
-from floquid.preparation import propose, with_events
+from floquid.preparation import Settings, propose, with_events
 from floquid.readers import read_and_describe
 
 OPTION = "--events"
@@ -41,7 +42,7 @@ def read_records(
 ) -> tuple[list[Record], Choices]:
     """The records, and the choices with the names that the channels have from here on."""
     chosen, tables = choices.settings, event_files(choices.settings.events)
-    records, named = choices.reading().records(files, replace(chosen, events=None) if tables else chosen, report)
+    records, named = records_in(files, choices, report)
     clocked = chosen.tach or chosen.azimuth or chosen.events or chosen.estimate_period
     for file, record in zip(files, records, strict=True):
         if record.clock is None and not clocked:
@@ -60,9 +61,25 @@ def read_records(
     return records, choices
 
 
+def records_in(
+    files: Sequence[Path], choices: Choices, report: Callable[[str], None] = lambda _: None
+) -> tuple[list[Record], Settings]:
+    """The records in files as they are read for `choices`, and their settings with the names that channels have then.
+
+    Raises InputError as `read` does.
+    """
+    chosen = choices.settings
+    return choices.reading().records(
+        files, replace(chosen, events=None) if event_files(chosen.events) else chosen, report
+    )
+
+
 def _likely(file: Path, rate: float | None, header: bool) -> str:
     """The option for the clock that the file seems to hold, in a sentence; empty if there is none."""
-    found, record = read_and_describe(file, rate=rate, header=header)
+    try:
+        found, record = read_and_describe(file, rate=rate, header=header)
+    except InputError:  # it has to be told which variables are its channels
+        return ""
     clock = None if record is None else propose(record, found.clock_candidates).clock
     return f"\n  This file seems to have one: {options(clock.settings)}" if clock and clock.settings else ""
 

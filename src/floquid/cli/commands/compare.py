@@ -24,7 +24,7 @@ from floquid.views import with_error
 
 OF = "floquid compare"
 FILES = ("comparison.h5", "comparison.json", "comparison.csv", "report.html", "figures/comparison.png")
-MOST = 40  # rows that are printed of a survey
+MOST = 40  # rows and sentences that are printed of a survey
 
 
 def compare(
@@ -95,8 +95,11 @@ def print_comparison(console: Console, found: Comparison) -> None:
     deviations = "" if all(pair.std == 0 for pair in found.pairs) else "in brackets: one deviation of both together; "
     mac = "mac: similarity of the shapes in channels that both have, with phase zero of b moved to that of a."
     console.print(f"{deviations}z: the difference of λ over its deviation; {mac}", style="dim")
-    for sentence in missing_words(found)[:MOST]:
+    missing = missing_words(found)
+    for sentence in missing[:MOST]:
         console.print(sentence)
+    if len(missing) > MOST:
+        console.print(f"… and {len(missing) - MOST} more are missing: `--out DIR` lists all.", style="dim")
     console.print(verdict(found))
     print_warnings(console, found.warnings)
 

@@ -139,13 +139,17 @@ def print_survey(console: Console, found: Survey) -> None:
         print_whole(console, table)
     elif found.tracks:
         print_title(console, f"Modes over {words}")
-        table = new_table([""], ["points", "f [Hz], first … last", "Re λ [1/s], least … most"], ["locked", "unstable"])
+        whirl = ["whirl, first … last"] if found.shapes.pairs else []
+        numbers = ["points", "f [Hz], first … last", "Re λ [1/s], least … most", *whirl]
+        table = new_table([""], numbers, ["locked", "unstable"])
         for row in track_rows(found):
             table.add_row(*row)
         print_whole(console, table)
         brackets = "In brackets: one standard deviation, in the last digits."
         marks = "Locked, unstable: points at which two real multipliers stand for a pair, and at which Re λ is above 0."
         console.print(f"{brackets} {marks}", style="dim")
+        if whirl:
+            console.print("Whirl: 1 is a forward circle, 0 a straight line, -1 a backward circle.", style="dim")
         _print_edges(console, found)
     for note in found.notes[:MOST]:
         console.print(f"{note[0].upper()}{note[1:]}")
