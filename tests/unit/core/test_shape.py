@@ -52,6 +52,17 @@ def test_hits_of_unequal_noise_give_the_true_shape(unequal):
         assert abs(whirl(found) - whirl(wanted)) < 0.02
 
 
+def test_a_loud_hit_does_not_spoil_the_shape(unequal):
+    """A hit of a thousand times the noise of another counts a millionth of it."""
+    model, truth = unequal
+    generator, noise = np.random.default_rng(4), np.array([1e-3, 1.0])
+    errors = generator.standard_normal((2, 2, 5)) + 1j * generator.standard_normal((2, 2, 5))
+    lines = truth[:, None] * np.array([1.0, 0.7j])[:, None] + noise[:, None] * errors
+    std = np.broadcast_to(noise[:, None] * (1.0 + 1j), (2, 2, 2, 5))
+    noisy = replace(model, coefficients=np.array([lines, lines[..., ::-1].conj()]), coefficient_std=std)
+    assert along(noisy.shape(0).values, truth) > 1.0 - 1e-5
+
+
 def test_the_free_factor_is_fixed(unequal):
     model, _ = unequal
     shape = model.shape(0)
