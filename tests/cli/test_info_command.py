@@ -161,6 +161,16 @@ def test_a_grid_and_a_steady_speed_are_the_period(tmp_path):
     assert command[-1] == "--estimate-period"
 
 
+def test_the_speed_of_a_file_is_its_period(tmp_path):
+    """Not one to be found from the response: `floquid survey` takes it so, too."""
+    record = fq.Record(values=np.ones((2, 40)), sample_rate=10.0, channels=["x", "y"], point={"speed_rpm": 1500.0})
+    fq.write(record, tmp_path / "run.npz")
+    text = typed(f"info {tmp_path / 'run.npz'}")
+    assert "--period 0.04" in text
+    assert "--estimate-period" not in text
+    assert "That is a revolution at speed_rpm = 1500. Halve it" in text
+
+
 def test_a_speed_that_runs_away_is_no_period(tmp_path):
     rows = {Channel(name="x", unit="mm"): struck((0.0,))[1][0], Channel(name="n", unit="rpm"): 900.0 + 100.0 * TIMES}
     text = typed(["info", str(saved(tmp_path / "run.npz", rows))])

@@ -137,6 +137,7 @@ def test_variables_are_channels_by_their_names(runs, records):
     assert named.values == {"speed_rpm": 30.0}
     assert named.choices.settings.period == pytest.approx(2.0)
     assert "Name them by" in alone.reason
+    assert "there is no file" in jobs([runs / "lost"], over="speed_rpm")[0].reason
     typed("identify plain.npz --channels X,Y", code=2, message="`--period` must be given")
 
 

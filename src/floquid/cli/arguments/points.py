@@ -146,6 +146,7 @@ def _job(file: Path, choices: Choices, row: Mapping[str, float]) -> Job:
         return Job(files=(file,), choices=choices, values={**choices.point, **values}, known=True)
     chosen = choices.with_given(period=row.get("period"), point={**choices.point, **values} or None)
     try:
+        readable_file(file, of=OF, argument="FILES")
         (record,), _ = records_in([file], chosen)
     except (InputError, OSError) as error:
         return Job(files=(file,), choices=chosen, values=chosen.point, reason=in_a_line(error))

@@ -180,7 +180,14 @@ def _next(found: FileSummary, record: Record | None, proposal: Proposal, given: 
     if proposal.clock is None:
         driven = settings.get("inputs") or settings.get("excitation")
         frequency = None if record is None else _grid(record, settings)
-        if frequency is not None:
+        speed = 0.0 if record is None else record.point.get("speed_rpm", 0.0)
+        if speed > 0.0:
+            more = f" --period {60.0 / speed:.10g}"
+            hints.append(
+                f"That is a revolution at speed_rpm = {speed:g}. Halve it where the system repeats twice in one, as an "
+                "unequal shaft does."
+            )
+        elif frequency is not None:
             more = f" --frequency {frequency:.6g}"
             hints.append(f"The strongest line is that of a grid at {frequency:.6g} Hz: it is taken for the period.")
         elif driven:
