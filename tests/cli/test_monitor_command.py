@@ -40,6 +40,7 @@ def test_records_are_compared_with_a_baseline(runs):
     (runs / "runs" / "r9.csv").unlink()
     assert "9 records." in text
     assert "the first at record 5 (runs/r5.h5)" in text
+    assert "In it are mode 1 at 0.1125 Hz, mode 2 at 0.1299 Hz." in text
     assert "It changes more and more from record 5" in text
     assert "No result" in text
     found = {path.name for path in (runs / "out").rglob("*") if path.is_file()}

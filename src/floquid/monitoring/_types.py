@@ -95,6 +95,7 @@ def sentences(found: Monitor) -> tuple[str, ...]:
         depends = [term for term in charts.terms if term != "constant"]
         words = f"depends on {', '.join(depends)}" if depends else "depends on no covariate"
         out.append(f"Baseline: {counted(int(found.baseline.sum()), 'record')}; it {words}.")
+        out += _modes(charts, found.baseline)
         alarms, first = int(found.alarm.sum()), found.first_alarm
         looked = int(np.count_nonzero(later & np.isfinite(charts.t2)))
         if first is None:
@@ -103,6 +104,16 @@ def sentences(found: Monitor) -> tuple[str, ...]:
             words = f"{counted(alarms, 'alarm')} in {counted(looked, 'later record')}"
             out.append(f"{words}, the first at record {first} ({_file(found, first)}).")
     return (*out, *change_words(found), *_periodic(found))
+
+
+def _modes(charts: Charts, baseline: Mask) -> list[str]:
+    """A sentence on which mode is which, by the frequencies of the baseline."""
+    told = []
+    for k, name in enumerate(charts.features):
+        if name.endswith(" frequency"):
+            hertz = np.nanmedian(np.abs(charts.values[baseline, k])) / (2.0 * np.pi)
+            told.append(f"{name.removesuffix(' frequency')} at {hertz:.4g} Hz")
+    return [f"In it are {', '.join(told)}."] if told else []
 
 
 def _file(found: Monitor, record: int) -> str:
