@@ -101,7 +101,7 @@ def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
     made, (begin, end) = {}, found.values[[0, -1]]
     spans = [(*span, 0.12) for span in unstable_spans(found)] + [(*edge.interval, 0.3) for edge in found.edges]
     room = (end - begin) or 1.0
-    across = Range1d(begin - BEFORE * room, end + BEHIND * room)
+    across = Range1d(start=begin - BEFORE * room, end=end + BEHIND * room)
     for name, label in (("frequency", "frequency [Hz]"), ("decay", DAMPING["decay"]), ("damping", marks.name)):
         first = name == "frequency"
         height = HEIGHT + ROW * (len(found.tracks) // COLUMNS if first else 0)
@@ -125,8 +125,8 @@ def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
         drawn.segment("x", f"{name}_low", "x", f"{name}_high", source=marks, line_color="colour")
         dots = drawn.scatter("x", name, source=marks, size=8, line_color="colour", fill_color="fill", marker="marker")
         if first:
-            top = ABOVE * high
-            drawn.y_range = Range1d(0.0, top)
+            top = ABOVE * (high or 1.0)
+            drawn.y_range = Range1d(start=0.0, end=top)
             for order, hertz in order_lines(found):
                 drawn.line(found.values, hertz, line_color=Ink.GREY, line_dash="dotted")
                 end = order_end(found, hertz, top)

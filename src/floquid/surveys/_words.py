@@ -38,12 +38,16 @@ def track_rows(found: Survey) -> list[tuple[str, ...]]:
                 f"{len(track.points)} of {len(found.points)}",
                 " … ".join(with_error(float(hertz[k]), float(std[k])) for k in ends),
                 " … ".join(with_error(float(value), float(spread)) for value, spread in decays),
-                *([" … ".join(f"{track.whirl[k]:+.2f}" for k in ends)] if found.shapes.pairs else []),
+                *([" … ".join(_signed(track.whirl[k]) for k in ends)] if found.shapes.pairs else []),
                 _spans(values, track.locked),
                 _spans(values, track.growth > 0.0),
             )
         )
     return rows
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.2f}" if np.isfinite(value) else "?"
 
 
 def edge_words(found: Survey, edge: Edge) -> tuple[str, str, str, str]:

@@ -22,6 +22,8 @@ def free_estimates(
     S' that of a mode with the conjugate of the other; the poles move them through `modal.residue_slope`, and the
     kernel κ too. `exponents` are on the branch that is meant (modes,) [1/s], `partners` the conjugate of each mode,
     itself where the multiplier is real, `terms` the modes and harmonics wanted, of the upper half and of real ones.
+
+    Of outer products the errors are those of a shape, the same in all hits, and of the participations.
     """
     assert modal.covariance is not None
     assert modal.residue_spread is not None
@@ -62,10 +64,7 @@ def free_estimates(
         shapes = np.einsum("tk,rck->rtc", kernel, lifted.by_channel(_shapes(modal, own)[..., None])[..., 0]) / gain.T
         slopes = np.concatenate([slopes, *(by_parts(moved) for moved in _by_shares(own, shapes, modes))])
         parts = np.add.outer(2 * modal.order * np.arange(1 + n_hits), parts).ravel()
-        spread, blocks = (
-            np.einsum("ch,hrs->crs", lifted.noise**2, own.spread),
-            np.repeat(np.arange(lifted.n_channels)[:, None], n_hits, axis=1),
-        )
+        spread, blocks = np.einsum("ch,hrs->crs", lifted.noise**2, own.spread), np.indices(blocks.shape)[0]
         scales = own.shares[modes][:, None] / gain.T[:, :, None]
     covariance = known[np.ix_(parts, parts)]
     covariance[count : 2 * count][real], covariance[:, count : 2 * count][:, real] = 0.0, 0.0
