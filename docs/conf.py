@@ -78,7 +78,6 @@ numpydoc_xref_param_type = False
 # algorithm passes from one of its steps to the next may be a private type.
 nitpick_ignore_regex = [("py:.*", r"(?!floquid\b).*"), ("py:.*", r"floquid\.(\w+\.)*_\w+\.\w+")]
 nitpick_ignore = [
-    ("py:class", "floquid.lti.adapters.Components"),  # what identifiers keep between their steps
     *(("py:class", f"floquid.search.{name}") for name in ("Structure", "P")),  # type variables have no page
 ]
 

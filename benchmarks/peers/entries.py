@@ -173,7 +173,7 @@ def control_era(values: NDArray, order: int) -> NDArray:
 
 
 def sdypy_lscf(values: NDArray, order: int) -> NDArray:
-    """LSCF on as many principal components as poles; the band starts one line above zero (`floquid.lti.adapters`)."""
+    """LSCF on as many principal components as poles; the band starts one line above zero (see `adapters`)."""
     from sdypy import EMA
 
     components = principal(values[:, : values.shape[1] // 2 * 2], order)

@@ -10,14 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.peers import adapters
+from benchmarks.peers.adapters import BOPDMD, PyOMA2SSI, SdypyLSCF, _within, paired
 from markdown_it import MarkdownIt
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linear_sum_assignment
 
 import floquid
 from floquid.errors import InputError
-from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses, adapters
-from floquid.lti.adapters import BOPDMD, PyOMA2SSI, SdypyLSCF, _within, paired
+from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses
 
 PAGE = Path(__file__).parents[2] / "docs" / "own_identifier.md"
 
@@ -359,7 +360,7 @@ def test_an_absent_package_is_named(kind, module, monkeypatch):
 USED = """
 import sys
 import numpy as np
-import floquid.lti.adapters as adapters
+from benchmarks.peers import adapters
 from floquid.lti import TimeResponses
 PEERS = {"pydmd", "sdypy", "pyoma2"}
 assert not PEERS & set(sys.modules), "loaded with floquid"

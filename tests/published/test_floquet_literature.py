@@ -10,12 +10,12 @@ Each is held against both routes, which share no code: the eigenvalues of the fa
 
 import numpy as np
 import pytest
+from benchmarks.literature import literature
 from numpy import cos, pi, sin
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 from floquid import floquet
-from floquid.systems import literature
 from floquid.testing import assert_exponents_close
 
 

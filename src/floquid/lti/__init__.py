@@ -1,7 +1,7 @@
 """Modal identification of anonymous LTI responses. Knows nothing of records, channels or periods.
 
 `MaximumLikelihood` takes `TimeResponses` and gives a `ModalModel`; it is started by ERA, or any other identifier, and
-decides the order by test. Every algorithm honours `AbstractIdentifier`; those of other packages are in `adapters`.
+decides the order by test. Every algorithm honours `AbstractIdentifier`.
 """
 
 from floquid.lti._era import ERA

@@ -12,7 +12,7 @@ from floquid.periodic._start import Known, distinct_multipliers, generous_poles,
 from floquid.periodic._steady_period import steady_period
 from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands, strongest_branch
 from floquid.periodic.least_squares import ModeParameters, followed
-from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse
+from floquid.periodic.period import PeriodCandidate, PeriodEstimate, estimate_period
 from floquid.periodic.search import combinations_of
 from floquid.periodic.significance import (
     TURNED,
@@ -31,10 +31,10 @@ CONFIDENT = 2e-3
 not may stand for several."""
 
 __all__ = [
-    "CONFIDENT", "FSE", "TURNED", "Family", "Fit",
-    "ForcedResponse", "Known", "ModeParameters", "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate",
-    "Periodicity", "Synchrony", "assemble", "combinations_of", "distinct_multipliers", "drift", "estimate_at",
-    "estimate_period", "fit", "fit_shapes", "followed", "fse", "generous_poles", "groups", "held_shapes", "instants",
-    "line_amplitudes", "on_a_mode", "own_period", "participation", "periodicity", "physical_exponents", "refit",
-    "select_bands", "spacing", "steady_period", "synchrony", "unexplained", "without_known", "without_lines",
+    "CONFIDENT", "TURNED", "Fit", "ForcedResponse", "Known", "ModeParameters", "OrderError", "PartialTests",
+    "PeriodCandidate", "PeriodEstimate", "Periodicity", "Synchrony", "assemble", "combinations_of",
+    "distinct_multipliers", "drift", "estimate_at", "estimate_period", "fit", "fit_shapes", "followed",
+    "generous_poles", "groups", "held_shapes", "instants", "line_amplitudes", "on_a_mode", "own_period",
+    "participation", "periodicity", "physical_exponents", "refit", "select_bands", "spacing", "steady_period",
+    "synchrony", "unexplained", "without_known", "without_lines",
 ]  # fmt: skip

@@ -14,7 +14,7 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.fit import ROUNDS, SIGNIFICANT
 from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
-from floquid.periodic.period._fse import averaged, entries_of, grouped, model_at
+from floquid.periodic.period._families import averaged, entries_of, grouped, model_at
 from floquid.periodic.period._fundamental_candidates import OrbitLines, Spacing, orbit_of, spacings_of
 from floquid.periodic.period._spectral_lines import Lines, beside, find_lines, raw_blocks, with_noise_left
 

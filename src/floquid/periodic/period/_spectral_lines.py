@@ -9,12 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Mask
-from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
-from floquid.errors import IdentificationError
-from floquid.findings import failure
-from floquid.fit import DEVIATIONS, SLOW, chi2_limit
-from floquid.lti import AbstractIdentifier, TimeResponses
+from floquid.fit import DEVIATIONS, SLOW
 from floquid.periodic.least_squares import (
     TREND,
     Block,
@@ -23,10 +19,8 @@ from floquid.periodic.least_squares import (
     RecordBlock,
     Solution,
     forced_entries,
-    linearise,
     noise_left,
     record_blocks,
-    residuals_of,
     shapes,
     solve,
     weighted,
@@ -117,67 +111,6 @@ def find_lines(
     point = lines(blocks, beside(_fundamental(blocks)), false_alarm, report)
     noisy = with_noise_left(point.blocks, point.solution)
     return _lines_of(noisy, solve(noisy, weighted(noisy, point.entries, point.solution.linear), hold=True))
-
-
-def lines_by(
-    identifier: AbstractIdentifier,
-    records: Sequence[Record],
-    blocks: Sequence[RecordBlock],
-    *,
-    order: int | None,
-    false_alarm: float = 1e-9,
-    report: Callable[[str], None] = lambda _: None,
-) -> Lines:
-    """Lines by an identifier of LTI systems; one without covariance starts the least squares of its poles."""
-    if any(np.isnan(r.values).any() for r in records) or len({r.sample_rate for r in records}) > 1:
-        must = "have all samples, at one rate, with an `identifier`"
-        raise input_error("records", "fse", must, "they do not", "Leave `identifier` out: the search copes with that.")
-    fundamental = _fundamental(blocks)
-    base = beside(fundamental)
-    lengths = np.array([r.n_samples for r in records])
-    values = np.zeros((records[0].n_channels, len(records), int(lengths.max())))
-    noise = np.ones(values.shape[:2])
-    for block, residual in zip(blocks, residuals_of(blocks, linearise(blocks, base)), strict=True):
-        values[block.rows, block.hit, : block.n_samples] = block.values
-        noise[block.rows, block.hit] = np.maximum(residual.noise, np.finfo(float).tiny)
-    data = TimeResponses(values=values, dt=1.0 / records[0].sample_rate, noise=noise, lengths=lengths)
-    model = identifier.extract(identifier.prepare(data), order, report=report)
-    poles = model.poles
-    upper = np.flatnonzero((poles.imag > 0) | (model.multipliers.imag == 0) & (model.multipliers.real > 0))
-    upper = upper[poles[upper].imag < np.pi / data.dt * (1.0 - 1e-9)]
-    if not len(upper):
-        raise IdentificationError(
-            f"Identification ended without a result: {type(identifier).__name__} finds no pole: "
-            f"{failure(model.outcome.value).clause}."
-        )
-    real = poles[upper].imag == 0
-    entries = ModeParameters.made(
-        np.where(real, poles[upper].real, poles[upper]), (0, 0), fundamental, real=real
-    ).joined(base)
-    noisy = tuple(block.with_noise(noise[block.rows, block.hit]) for block in blocks)
-    if model.covariance is None:
-        solution = _clear(noisy, entries, false_alarm)
-        return _lines_of(with_noise_left(noisy, solution), solution)
-    solution = linearise(noisy, entries)
-    both = np.concatenate([upper, upper + model.order])
-    return replace(
-        _lines_of(with_noise_left(noisy, solution), solution), covariance=model.covariance[np.ix_(both, both)]
-    )
-
-
-def _clear(blocks: Sequence[Block], entries: ModeParameters, false_alarm: float) -> Solution:
-    """The least squares without lines that noise explains, or that run away: a routine of fixed order has some."""
-    while True:
-        free = np.flatnonzero(~entries.fixed)
-        try:
-            solution, ran_away = solve(blocks, entries), False
-        except IdentificationError:
-            solution, ran_away = linearise(blocks, entries), True
-        noisy = with_noise_left(blocks, solution)
-        size, responses = _strengths(noisy, linearise(noisy, solution.entries), relative=True)
-        if not len(free) or not (ran_away or size.min() ** 2 < chi2_limit(2 * responses + 2, false_alarm)):
-            return solution
-        entries = solution.entries.picked(np.delete(np.arange(len(entries.exponents)), free[np.argmin(size)]))
 
 
 def _fundamental(blocks: Sequence[RecordBlock]) -> float:
