@@ -67,13 +67,6 @@ def build(kind, shape, period, seed):
     return FunctionMatrix(function=Smooth(values, period), period=period, vectorised=True)
 
 
-matrices = st.builds(
-    build,
-    st.sampled_from(KINDS),
-    st.just((2, 3)),
-    st.sampled_from([0.3, 0.1, 0.2, 1.7, 5.1]),
-    st.integers(0, 2**32 - 1),
-)
 kinds, seeds, periods = st.sampled_from(KINDS), st.integers(0, 2**32 - 1), st.sampled_from([0.3, 0.2, 0.45])
 
 
@@ -99,10 +92,10 @@ def assert_same(found, expected, times):
 
 
 @LAWS
-@given(kinds, kinds, periods, periods, seeds, st.floats(-3.0, 3.0))
-def test_arithmetic_is_pointwise(kind, other_kind, period, other_period, seed, factor):
+@given(kinds, kinds, periods, seeds, st.floats(-3.0, 3.0))
+def test_arithmetic_is_pointwise(kind, other_kind, period, seed, factor):
     a = build(kind, (2, 3), period, seed)
-    b, c = build(other_kind, (2, 3), other_period, seed + 1), build(other_kind, (3, 2), other_period, seed + 2)
+    b, c = build(other_kind, (2, 3), period, seed + 1), build(other_kind, (3, 2), period, seed + 2)
     times = away(a, b, c)
     assert_same(a + b, lambda t: a.at(t) + b.at(t), times)
     assert_same(a - b, lambda t: a.at(t) - b.at(t), times)
@@ -112,10 +105,7 @@ def test_arithmetic_is_pointwise(kind, other_kind, period, other_period, seed, f
     assert_same(np.float64(factor) * a, lambda t: factor * a.at(t), times)
     assert_same(-a, lambda t: -a.at(t), times)
     assert_same(a.T, lambda t: a.at(t).swapaxes(1, 2), times)
-    for result in (a + b, a - b, a @ c):
-        counts = result.period / np.array([period, other_period])  # the least common multiple
-        assert counts == pytest.approx(np.round(counts), abs=1e-9)
-        assert np.gcd.reduce(np.round(counts).astype(int)) == 1
+    assert {result.period for result in (a + b, a - b, a @ c)} == {period}
 
 
 @LAWS
@@ -137,75 +127,18 @@ def test_constants_keep_the_form(kind, period, seed):
 
 
 @LAWS
-@given(seeds, periods, periods)
-def test_exact_forms_are_kept(seed, period, other_period):
+@given(seeds, periods)
+def test_exact_forms_are_kept(seed, period):
     for kind, form in (("harmonics", HarmonicMatrix), ("pieces", PiecewiseMatrix), ("spline", SampledMatrix)):
-        a, b = build(kind, (2, 2), period, seed), build(kind, (2, 2), other_period, seed)
+        a, b = build(kind, (2, 2), period, seed), build(kind, (2, 2), period, seed + 1)
         if kind != "spline":
             assert isinstance(a + b, form)
             assert isinstance(a @ b, form)
         assert isinstance(a + a * 2.0, form)
-    trigonometric = build("samples", (2, 2), period, seed), build("harmonics", (2, 2), other_period, seed)
+    trigonometric = build("samples", (2, 2), period, seed), build("harmonics", (2, 2), period, seed)
     assert isinstance(trigonometric[0] @ trigonometric[1], HarmonicMatrix)
     pieces = build("pieces", (2, 2), period, seed)
     assert np.asarray((pieces + pieces).edges) == pytest.approx(np.asarray(pieces.edges), abs=0.0)
-
-
-@LAWS
-@given(matrices, st.integers(1, 7))
-def test_repeating_changes_the_period_alone(matrix, count):
-    longer = matrix.repeated(count)
-    assert type(longer) is type(matrix)
-    assert longer.period == pytest.approx(count * matrix.period, rel=1e-15)
-    times = away(matrix)
-    assert_close(longer.at(times), matrix.at(times), 1e-11)
-    back = longer.reduced()
-    assert type(back) is type(matrix)
-    assert back.period == pytest.approx(matrix.period, rel=1e-14)
-    assert_close(back.at(times), matrix.at(times), 1e-11)
-    assert len(back.breaks) == len(matrix.breaks)
-
-
-@LAWS
-@given(st.integers(0, 8), st.integers(0, 3), seeds, periods)
-def test_harmonics_and_samples_are_one_thing(n_harmonics, more, seed, period):
-    generator = np.random.default_rng(seed)
-    mean, cosines, sines = generator.normal(size=(3, 2, 3, n_harmonics + 1))
-    series = HarmonicMatrix.from_cosines(mean[..., 0], cosines[..., 1:], sines[..., 1:], period=period)
-    count = 2 * n_harmonics + 1 + more
-    samples = SampledMatrix(values=np.moveaxis(series.at(period * np.arange(count) / count), 0, 2), period=period)
-    for back in (samples.to_harmonics(), series.to_harmonics(), samples.to_harmonics(n_harmonics)):
-        assert np.asarray(back.harmonics).tolist() == list(range(-n_harmonics, n_harmonics + 1))
-        assert np.asarray(back.coefficients) == pytest.approx(np.asarray(series.coefficients), abs=1e-13)
-    fewer = series.to_harmonics(n_harmonics // 2)
-    kept = np.abs(np.asarray(series.harmonics)) <= n_harmonics // 2
-    assert np.asarray(fewer.coefficients) == pytest.approx(np.asarray(series.coefficients)[..., kept], abs=0.0)
-
-
-@LAWS
-@given(kinds, periods, seeds, st.integers(0, 20))
-def test_a_truncated_series_is_nearest(kind, period, seed, n_harmonics):
-    """What truncation leaves out is orthogonal to what it keeps, so the mean square of a sum is the sum of them."""
-    matrix = build(kind, (2, 3), period, seed)
-    found = matrix.to_harmonics(n_harmonics)
-    assert np.asarray(found.harmonics).tolist() == list(range(-n_harmonics, n_harmonics + 1))
-    edges = np.unique(np.concatenate([np.linspace(0.0, period, 65), np.asarray(matrix.breaks)]))
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    half = 0.5 * np.diff(edges)
-    times = edges[:-1, None] + half[:, None] * (1.0 + nodes)
-    inside = np.einsum("ei,eirc->rc", half[:, None] * weights, (matrix.at(times) - found.at(times)) * found.at(times))
-    assert inside == pytest.approx(np.zeros((2, 3)), abs=1e-12 * period)
-
-
-@LAWS
-@given(st.sampled_from(["harmonics", "odd harmonics", "samples", "vectorised"]), periods, seeds)
-def test_smooth_matrices_are_series(kind, period, seed):
-    matrix = build(kind, (2, 3), period, seed)
-    found = matrix.to_harmonics()
-    assert_close(found.at(TIMES), matrix.at(TIMES), 1e-11)
-    looser = matrix.to_harmonics(tolerance=1e-3)
-    assert len(looser.harmonics) <= len(found.harmonics)
-    assert np.abs(looser.at(TIMES) - matrix.at(TIMES)).max() <= 1e-3 * np.abs(found.coefficients).sum(axis=2).max()
 
 
 formed = st.sampled_from(["harmonics", "pieces", "function", "vectorised"])

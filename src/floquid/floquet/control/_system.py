@@ -18,11 +18,10 @@ from floquid.floquet.matrices import (
     Operand,
     Prepared,
     after_jumps,
+    common_period,
     constant_matrix,
     constant_of,
-    declared,
     joint_breaks,
-    multiples,
     named,
     operand,
     probe_times,
@@ -44,10 +43,10 @@ class PeriodicSystem(Brief):
 
     .. math:: \dot x = A(t)\, x + B(t)\, u, \qquad y = C(t)\, x + D(t)\, u
 
-    All four are held over their least common period; a constant has any period, so it takes no part in finding it.
+    All that vary have one period; a constant has any.
 
-    Raises InputError where shapes do not agree, no matrix is periodic, the periods have no common multiple, or names
-    are not distinct.
+    Raises InputError where shapes do not agree, no matrix is periodic, the periods differ, or names are not
+    distinct.
 
     Parameters
     ----------
@@ -131,25 +130,21 @@ def _check_shape(matrix: Operand, argument: str, shape: tuple[int, int], words: 
 
 
 def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMatrix]:
-    """All of them over the least common period of those that vary."""
+    """All of them over the period of those that vary."""
     of = "PeriodicSystem"
     values = {name: constant_of(matrix) for name, matrix in given.items()}
     periodic = {name: matrix for name, matrix in given.items() if isinstance(matrix, AbstractPeriodicMatrix)}
     varying = {name: matrix for name, matrix in periodic.items() if values[name] is None}
     if varying:
-        period, counts = multiples(tuple(matrix.period for matrix in varying.values()), of)
+        period = common_period(varying.values(), of)
     else:
         some = [matrix.period for matrix in periodic.values()]
         if not some:
             remedy = "Pass `HarmonicMatrix(coefficients=A[:, :, None], harmonics=[0], period=...)`."
             raise input_error("A", of, "have a period where all is constant", "is an array", remedy)
-        period, counts = some[0], []
-    held: dict[str, AbstractPeriodicMatrix] = {
-        name: constant_matrix(value, period) for name, value in values.items() if value is not None
-    }
-    return held | {
-        name: declared(matrix, count, period) for (name, matrix), count in zip(varying.items(), counts, strict=True)
-    }
+        period = some[0]
+    held = {name: constant_matrix(value, period) for name, value in values.items() if value is not None}
+    return {**held, **varying}
 
 
 def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> Floats:

@@ -4,16 +4,14 @@ from floquid.floquet.matrices._arithmetic import (
     Operand,
     added,
     assembled,
+    common_period,
     constant_of,
-    declared,
     joint_breaks,
-    multiples,
     operand,
     product,
-    repetitions,
     scaled,
 )
-from floquid.floquet.matrices._conversion import Reach, after_jumps, elements, fourier, of_function, reach, to_harmonics
+from floquid.floquet.matrices._conversion import Reach, after_jumps, elements, fourier, of_function, reach
 from floquid.floquet.matrices._forms import (
     LAST,
     FunctionMatrix,

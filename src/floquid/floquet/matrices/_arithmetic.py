@@ -1,4 +1,4 @@
-"""Sums and products of periodic matrices, in the form of the operands where that is exact, and their common period.
+"""Sums and products of periodic matrices of one period, in the form of the operands where that is exact.
 
 Harmonics with harmonics stay harmonics, constant pieces stay pieces, samples on one grid stay samples under sums, and
 a constant leaves every form as it is; anything else is a function of time that evaluates both operands.
@@ -6,103 +6,35 @@ a constant leaves every form as it is; anything else is a function of time that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from fractions import Fraction
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from math import gcd, lcm
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import finite, frozen_array, input_error, positive
+from floquid._checks import finite, frozen_array, input_error
 from floquid.floquet.matrices._forms import FunctionMatrix, PiecewiseMatrix, values_between
-from floquid.floquet.matrices._matrix import GOLDEN, SAME, AbstractPeriodicMatrix, merged
-from floquid.floquet.matrices._series import REPEATS, constant_matrix, product_of_series, sum_of_series
-
-MOST = 1000  # periods of one matrix in a common period
-_PROBES = 32
-
-
-def multiples(periods: tuple[float, ...], of: str) -> tuple[float, list[int]]:
-    """The least common period [s] and how many of each are in it."""
-    if not periods:
-        raise input_error("periods", of, "hold a period at least", "is empty")
-    given = [positive(period, "period", of, unit="s") for period in periods]
-    first, ratios = given[0], []
-    for period in given:
-        ratio = Fraction(period / first).limit_denominator(MOST)
-        if ratio == 0 or abs(period - first * float(ratio)) > SAME * period:
-            raise _incommensurate(first, period, of)
-        ratios.append(ratio)
-    total = Fraction(lcm(*(r.numerator for r in ratios)), gcd(*(r.denominator for r in ratios)))
-    counts = [int(total / ratio) for ratio in ratios]
-    if max(counts) > MOST:
-        raise _incommensurate(max(given), min(given), of)
-    return first * float(total), counts
-
-
-def declared(matrix: AbstractPeriodicMatrix, count: int, period: float) -> AbstractPeriodicMatrix:
-    """The matrix over `count` of its periods, together `period` to within rounding."""
-    if count == 1 and period == matrix.period:
-        return matrix
-    return matrix.declared(count, period)
-
-
-def joint_breaks(matrices: tuple[AbstractPeriodicMatrix, ...], period: float) -> Floats:
-    """The breaks of all of them in a period that is a whole number of each (breaks,) [s]."""
-    every = [
-        np.add.outer(matrix.period * np.arange(round(period / matrix.period)), np.asarray(matrix.breaks)).ravel()
-        for matrix in matrices
-    ]
-    return merged(np.concatenate(every), period)
-
-
-def repetitions(matrix: AbstractPeriodicMatrix) -> int:
-    """The largest number, up to `MOST`, of repetitions within the period; 1 for what is constant."""
-    if np.ptp(matrix.at(_probes(matrix, 0.0)), axis=0).max() <= REPEATS * _size(matrix):
-        return 1
-    count = 1
-    for prime in (n for n in range(2, MOST + 1) if all(n % d for d in range(2, int(n**0.5) + 1))):
-        while count * prime <= MOST and _repeats(matrix, count * prime):
-            count *= prime
-    return count
-
-
-def _repeats(matrix: AbstractPeriodicMatrix, count: int) -> bool:
-    """True if one `count`-th of the period is a period."""
-    shift = matrix.period / count
-    times = _probes(matrix, shift)
-    allowed = REPEATS * _size(matrix)
-    return all(  # a few probes are enough to refuse most
-        np.abs(matrix.at(part + shift) - matrix.at(part)).max() <= allowed for part in (times[:2], times[2:])
-    )
-
-
-def _probes(matrix: AbstractPeriodicMatrix, shift: float) -> Floats:
-    """Instants spread over the period, and one between any two jumps of M(t) or M(t + shift)."""
-    period, breaks = matrix.period, np.asarray(matrix.breaks)
-    spread = period * np.mod(GOLDEN * np.arange(1, _PROBES + 1), 1.0)
-    if not breaks.size:
-        return spread
-    edges = merged(np.concatenate([breaks, np.mod(breaks - shift, period)]), period)
-    ends = np.append(edges[1:], edges[0] + period)
-    place = np.searchsorted(edges, spread, side="right") - 1
-    from_edges = np.minimum(np.mod(spread - edges[place], period), np.mod(ends[place] - spread, period))
-    return np.concatenate([spread[from_edges > 1e-9 * period], edges + GOLDEN * (ends - edges)])
-
-
-def _size(matrix: AbstractPeriodicMatrix) -> float:
-    return float(np.abs(matrix.at(_probes(matrix, 0.0))).max())
-
-
-def _incommensurate(first: float, second: float, of: str) -> Exception:
-    got = f"are {first:.15g} s and {second:.15g} s, which have none to within {SAME:g}"
-    remedy = "If they are meant to be equal or a whole multiple, give both from one number."
-    return input_error("periods", of, f"have a common multiple within {MOST} of each", got, remedy)
-
+from floquid.floquet.matrices._matrix import SAME, AbstractPeriodicMatrix, merged
+from floquid.floquet.matrices._series import constant_matrix, product_of_series, sum_of_series
 
 Operand: TypeAlias = AbstractPeriodicMatrix | Floats
+
+
+def common_period(matrices: Iterable[AbstractPeriodicMatrix], of: str) -> float:
+    """The period that all of them have [s], or a refusal."""
+    first, *others = (matrix.period for matrix in matrices)
+    for period in others:
+        if abs(period - first) > SAME * first:
+            got = f"are {first:.15g} s and {period:.15g} s"
+            remedy = "Give both over one period that is a whole number of each, from one number."
+            raise input_error("periods", of, f"be equal to within {SAME:g}", got, remedy)
+    return first
+
+
+def joint_breaks(matrices: Iterable[AbstractPeriodicMatrix], period: float) -> Floats:
+    """The breaks of all of them in their one period (breaks,) [s]."""
+    return merged(np.concatenate([np.asarray(matrix.breaks) for matrix in matrices]), period)
 
 
 def added(left: Any, right: Any, sign: float) -> AbstractPeriodicMatrix:
@@ -115,16 +47,16 @@ def added(left: Any, right: Any, sign: float) -> AbstractPeriodicMatrix:
         return first.shifted(sign * second.at(0.0))
     if first.is_constant:
         return scaled(second, sign).shifted(first.at(0.0))
-    one, other, period = _declared_together(first, second, of)
-    samples = one.samples(), other.samples()
+    period = common_period((first, second), of)
+    samples = first.samples(), second.samples()
     if samples[0] is not None and samples[1] is not None:
         found = samples[0].sum_on_grid(samples[1], sign)
         if found is not None:
             return found
-    series = one.series(), other.series()
+    series = first.series(), second.series()
     if series[0] is not None and series[1] is not None:
         return sum_of_series(series[0], series[1], sign)
-    return _pointwise(partial(_sum, sign), one, other, period)
+    return _pointwise(partial(_sum, sign), first, second, period)
 
 
 def scaled(matrix: AbstractPeriodicMatrix, factor: Any) -> AbstractPeriodicMatrix:
@@ -143,11 +75,11 @@ def product(left: Any, right: Any) -> AbstractPeriodicMatrix:
         return first.mapped(partial(_times, second.at(0.0)))
     if first.is_constant:
         return second.mapped(partial(np.matmul, first.at(0.0)))
-    one, other, period = _declared_together(first, second, "@")
-    series = one.series(), other.series()
+    period = common_period((first, second), "@")
+    series = first.series(), second.series()
     if series[0] is not None and series[1] is not None:
         return product_of_series(series[0], series[1])
-    return _pointwise(np.matmul, one, other, period)
+    return _pointwise(np.matmul, first, second, period)
 
 
 def assembled(blocks: Sequence[Sequence[Operand]], period: float) -> AbstractPeriodicMatrix:
@@ -191,14 +123,6 @@ def _operands(left: Any, right: Any, of: str) -> tuple[AbstractPeriodicMatrix, A
         return first, second if isinstance(second, AbstractPeriodicMatrix) else constant_matrix(second, first.period)
     assert isinstance(second, AbstractPeriodicMatrix)
     return constant_matrix(first, second.period), second
-
-
-def _declared_together(
-    first: AbstractPeriodicMatrix, second: AbstractPeriodicMatrix, of: str
-) -> tuple[AbstractPeriodicMatrix, AbstractPeriodicMatrix, float]:
-    """Declare two matrices over their least common period."""
-    period, counts = multiples((first.period, second.period), of)
-    return declared(first, counts[0], period), declared(second, counts[1], period), period
 
 
 def _pointwise(

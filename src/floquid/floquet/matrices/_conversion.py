@@ -1,4 +1,4 @@
-"""Conversions between the forms of a periodic matrix; its Fourier coefficients, right to rounding."""
+"""Fourier coefficients of a periodic matrix in any form, right to rounding."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import input_error, integer, positive
-from floquid.floquet.matrices._matrix import GOLDEN, SAME, AbstractPeriodicMatrix, Elements, refuse_other_period
-from floquid.floquet.matrices._series import HarmonicMatrix, real_series, two_sided
+from floquid._checks import input_error
+from floquid.floquet.matrices._matrix import SAME, AbstractPeriodicMatrix, Elements
+from floquid.floquet.matrices._series import two_sided
 
 _FIRST, _LAST = 64, 2048  # samples of a period of a function without breaks, before it is cut into elements
 _POINTS = 16  # of Gauss, in an element
@@ -191,44 +191,6 @@ def _units(largest: Floats) -> Floats:
     return np.minimum(largest.max(axis=1)[:, None], largest.max(axis=0)[None, :])
 
 
-FIRST, LAST = 8, 512  # harmonics tried until the upper ones have died away
-_FLOOR = 16.0 * 2.0**-52  # entries below this share of the largest are rounding, whose harmonics never die away
-
-
-def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolerance: float) -> HarmonicMatrix:
-    """The Fourier series; see `AbstractPeriodicMatrix.to_harmonics`."""
-    of = "AbstractPeriodicMatrix.to_harmonics"
-    # Only a function can be other than its period says, and what is made of one period would hide it
-    if matrix.is_function:
-        refuse_other_period(matrix, of)
-    if n_harmonics is not None:
-        count = integer(n_harmonics, "n_harmonics", of, at_least=0)
-        lines = np.arange(-count, count + 1)
-        return real_series(fourier(matrix, count), lines, matrix.period)
-    accuracy = positive(tolerance, "tolerance", of)
-    if not 1e-14 <= accuracy < 1.0:
-        raise input_error("tolerance", of, "lie in [1e-14, 1)", f"is {accuracy:g}")
-    if (series := matrix.series()) is not None:
-        return _trimmed(series, accuracy)
-    probes = matrix.period * (1.0 + GOLDEN * np.arange(1, 4))
-    count, left = FIRST, np.inf
-    while count <= LAST:
-        values = fourier(matrix, count)
-        # Those below a quarter from the top speak for those above it, which are not known.
-        tail = 2.0 * np.abs(values[..., 2 * count - count // 4 + 1 :]).sum(axis=2)
-        allowed = _allowed(values, accuracy)
-        left = float((tail / np.maximum(allowed, np.finfo(float).tiny)).max() * accuracy)
-        if (tail <= allowed).all():
-            found = real_series(values, np.arange(-count, count + 1), matrix.period)
-            missed = np.abs(matrix.at(probes) - found.at(probes)).max(axis=0)
-            if (missed <= 10.0 * max(1.0, 1e-13 / accuracy) * allowed).all():
-                return _trimmed(found, accuracy)
-        count *= 2
-    got = f"with {LAST} of them the upper ones are still {left:.2g} of the matrix, which is to be {accuracy:g}"
-    remedy = "At a jump they never do: say how many to keep by `n_harmonics`, or use pieces or samples."
-    raise input_error("tolerance", of, "be one that the harmonics fall below", got, remedy)
-
-
 def after_jumps(matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:
     """The values at `times` of the first period (times, rows, columns); those after it where there is a jump."""
     breaks = np.asarray(matrix.breaks)
@@ -236,21 +198,3 @@ def after_jumps(matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:
         apart = np.abs(times[:, None] - np.append(breaks, breaks[0] + matrix.period)).min(axis=1)
         times = np.where(apart <= SAME * matrix.period, times + 2.0 * SAME * matrix.period, times)
     return matrix.at(times)
-
-
-def _trimmed(matrix: HarmonicMatrix, tolerance: float) -> HarmonicMatrix:
-    """The series without its highest harmonics, as long as they are together below `tolerance` of each entry."""
-    lines, values = np.asarray(matrix.harmonics), np.asarray(matrix.coefficients)
-    orders = np.unique(np.abs(lines))
-    sizes = np.stack([np.abs(values[..., np.abs(lines) == order]).sum(axis=2) for order in orders])
-    beyond = np.cumsum(sizes[::-1], axis=0)[::-1]
-    needed = (beyond > _allowed(values, tolerance)).any(axis=(1, 2))
-    last = orders[needed][-1] if needed.any() else orders[0]
-    kept = np.abs(lines) <= last
-    return matrix if kept.all() else real_series(values[..., kept], lines[kept], matrix.period)
-
-
-def _allowed(values: Complexes, tolerance: float) -> Floats:
-    """The size of the harmonics that may be left out of each entry (rows, columns)."""
-    sizes = np.abs(values).sum(axis=2)
-    return np.maximum(tolerance * sizes, _FLOOR * sizes.max())

@@ -21,11 +21,9 @@ from floquid.floquet.matrices._matrix import (
     balance,
     checked_breaks,
     checked_period,
-    merged,
     of_stack,
     probe_times,
     refuse_other_period,
-    tiled,
 )
 from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix, line_weights
 
@@ -169,15 +167,6 @@ class PiecewiseMatrix(Brief, AbstractPeriodicMatrix):
     def mapped(self, change: Change) -> PiecewiseMatrix:
         return PiecewiseMatrix(values=of_stack(change, np.asarray(self.values)), edges=self.edges, period=self.period)
 
-    def declared(self, count: int, period: float) -> PiecewiseMatrix:
-        edges = tiled(np.asarray(self.edges), self.period, count, period)
-        return PiecewiseMatrix(values=np.tile(np.asarray(self.values), count), edges=edges, period=period)
-
-    def part(self, count: int) -> PiecewiseMatrix:
-        period = self.period / count
-        edges = merged(np.mod(np.asarray(self.edges), period), period)
-        return PiecewiseMatrix(values=values_between(self, edges, period), edges=edges, period=period)
-
 
 def values_between(matrix: AbstractPeriodicMatrix, edges: Floats, period: float) -> Floats:
     """The values in the middle between each edge and the next one (rows, columns, edges)."""
@@ -205,7 +194,7 @@ def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: s
     if isinstance(system, AbstractPeriodicMatrix):
         if period is not None and positive(period, "period", of, unit="s") != system.period:
             must, got = f"be left out or be that of the matrix, {system.period:g} s", f"is {period:g} s"
-            raise input_error("period", of, must, got, "To declare another period use `repeated` or `reduced`.")
+            raise input_error("period", of, must, got, "A matrix has its own.")
         if np.size(breaks):
             must = "be left out beside a periodic matrix"
             raise input_error("breaks", of, must, "is given", "The matrix has its own.")

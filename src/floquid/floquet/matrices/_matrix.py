@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import frozen_array, input_error, integer, positive, wrong_value
+from floquid._checks import frozen_array, input_error, positive, wrong_value
 
 if TYPE_CHECKING:
     from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix
@@ -84,12 +84,6 @@ def merged(times: Floats, period: float) -> Floats:
     kept = ordered[np.append(True, np.diff(ordered) > SAME * period)]
     # The end of the period is its beginning.
     return kept[:-1] if kept.size > 1 and period - kept[-1] + kept[0] <= SAME * period else kept
-
-
-def tiled(times: Floats, period: float, count: int, whole: float) -> Floats:
-    """Instants of one period in `count` of them, which are together `whole` to within rounding."""
-    every = np.add.outer(period * np.arange(count), times).ravel() * (whole / (count * period))
-    return np.minimum(every, np.nextafter(whole, 0.0))
 
 
 def of_stack(change: Change, values: NDArray[Any]) -> NDArray[Any]:
@@ -173,15 +167,6 @@ class AbstractPeriodicMatrix(ABC):
         """The matrix plus a constant `value` (rows, columns), in the same form."""
         return self.mapped(partial(np.add, value))  # a spline through shifted samples is the shifted spline
 
-    def declared(self, count: int, period: float) -> AbstractPeriodicMatrix:
-        """The matrix over `count` of its periods, together `period` to within rounding."""
-        return self._function(self.at, period, tiled(self.breaks, self.period, count, period))
-
-    def part(self, count: int) -> AbstractPeriodicMatrix:
-        """The matrix over one of the `count` repetitions in its period."""
-        period = self.period / count
-        return self._function(self.at, period, merged(np.mod(self.breaks, period), period))
-
     def _function(self, function: Callable[..., Floats], period: float, breaks: Floats) -> AbstractPeriodicMatrix:
         return _operations().FunctionMatrix(function=function, period=period, breaks=breaks, vectorised=True)
 
@@ -223,32 +208,6 @@ class AbstractPeriodicMatrix(ABC):
     def T(self) -> AbstractPeriodicMatrix:  # noqa: N802 - as numpy has it
         """The transpose."""
         return self.mapped(np.matrix_transpose)
-
-    def to_harmonics(self, n_harmonics: int | None = None, *, tolerance: float = 1e-12) -> HarmonicMatrix:
-        """The Fourier series.
-
-        `n_harmonics` is the highest harmonic kept. By default the rest falls below `tolerance`, a share of each entry
-        of the matrix. Raises InputError where the harmonics do not fall below `tolerance` within 512, as at a jump, and
-        `n_harmonics` is not given; or a function does not repeat itself after its period.
-        """
-        return _operations().to_harmonics(self, n_harmonics, tolerance)
-
-    def repeated(self, count: int) -> AbstractPeriodicMatrix:
-        """Matrix in the same form, declared over `count` of its periods."""
-        number = integer(count, "count", "AbstractPeriodicMatrix.repeated", at_least=1)
-        return self if number == 1 else self.declared(number, number * self.period)
-
-    def reduced(self) -> AbstractPeriodicMatrix:
-        """Matrix in the same form, declared over its smallest period.
-
-        That is the period over k for the largest k, up to 1000, with which the matrix repeats itself to 1e-10 of its
-        largest value: by its harmonics if it has them, else at 32 instants and between any two of its breaks. What is
-        constant stays as it is; trigonometric samples that k does not divide become harmonics. Half or a third of a
-        revolution is often the period of what two or three blades do to quantities of the fixed frame alone; a matrix
-        that holds quantities of a single blade has the whole revolution, and is not reduced.
-        """
-        count = 1 if self.is_constant else _operations().repetitions(self)
-        return self if count == 1 else self.part(count)
 
 
 GOLDEN = 0.3819660112501051  # off every simple fraction of the period, where jumps and zeros like to sit

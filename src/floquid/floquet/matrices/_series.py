@@ -20,10 +20,7 @@ from floquid.floquet.matrices._matrix import (
     checked_period,
     of_stack,
     refuse_repeated_end,
-    tiled,
 )
-
-REPEATS = 1e-10  # difference, as a share of the largest value, within which a matrix repeats itself
 
 Interpolation: TypeAlias = Literal["fourier", "cubic", "linear"]
 
@@ -140,19 +137,6 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
     def shifted(self, value: Floats) -> HarmonicMatrix:
         return sum_of_series(self, constant_matrix(value, self.period), 1.0)
 
-    def declared(self, count: int, period: float) -> HarmonicMatrix:
-        lines = np.asarray(self.harmonics) * count
-        return HarmonicMatrix(coefficients=self.coefficients, harmonics=lines, period=period)
-
-    def reduced(self) -> HarmonicMatrix:
-        lines, values = np.asarray(self.harmonics), np.asarray(self.coefficients)
-        sizes = np.abs(values).max(axis=(0, 1))
-        count = int(np.gcd.reduce(lines[sizes > REPEATS * sizes.max()])) if sizes.any() else 0
-        if count < 2:  # 0: only the mean counts, and what is constant has no smallest period
-            return self
-        kept = lines % count == 0
-        return real_series(values[..., kept], lines[kept] // count, self.period / count)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
@@ -247,20 +231,6 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
 
     def mapped(self, change: Change) -> SampledMatrix:
         return self._with(of_stack(change, np.asarray(self.values)), np.asarray(self.times), self.period)
-
-    def declared(self, count: int, period: float) -> SampledMatrix:
-        times = tiled(np.asarray(self.times), self.period, count, period)
-        return self._with(np.tile(np.asarray(self.values), count), times, period)
-
-    def part(self, count: int) -> AbstractPeriodicMatrix:
-        """The samples of one of `count` repetitions; harmonics or a function where none holds a whole number."""
-        period, times = self.period / count, np.asarray(self.times)
-        if len(times) % count == 0:
-            rows = times.reshape(count, -1)
-            if np.abs(rows - rows[0] - period * np.arange(count)[:, None]).max() < 1e-9 * period:
-                return self._with(np.asarray(self.values)[..., : rows.shape[1]], rows[0], period)
-        series = self.series()
-        return AbstractPeriodicMatrix.part(self, count) if series is None else series.reduced()
 
     def sum_on_grid(self, other: SampledMatrix, sign: float) -> SampledMatrix | None:
         """The sum, or with `sign` -1 the difference; None where `other` has other times, or others between them."""

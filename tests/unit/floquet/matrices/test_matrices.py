@@ -9,7 +9,6 @@ from floquid.floquet import (
     HarmonicMatrix,
     PeriodicSystem,
     PiecewiseMatrix,
-    SampledMatrix,
 )
 from floquid.floquet.matrices import after_jumps
 
@@ -23,12 +22,6 @@ JUMPING = FunctionMatrix(
 )
 
 
-def joint(*periods):
-    """The least common period, as a sum has it."""
-    first, *rest = (HarmonicMatrix.from_cosines([[0.0]], [[[1.0]]], [[[0.0]]], period=own) for own in periods)
-    return sum(rest, start=first).period
-
-
 TIMES = np.mod(0.3819660112501051 * np.arange(1, 120), 1.0) * 12.0 - 3.0
 
 
@@ -40,60 +33,13 @@ TIMES = np.mod(0.3819660112501051 * np.arange(1, 120), 1.0) * 12.0 - 3.0
         (lambda: A * np.eye(2), r"`factor` of `\*` must be a finite number.*\n.*`@`"),
         (lambda: A @ np.eye(3), "`right` of `@` must have as many rows as the left has columns, 2"),
         (lambda: np.ones((1, 3)) @ A, r"`right` of `@` must have as many rows.*3, but has shape \(2, 2\)"),
-        (lambda: A + A.repeated(1000).repeated(2), r"`periods` of `\+` must have a common multiple within 1000"),
+        (lambda: A + JUMPING, r"`periods` of `\+` must be equal to within 1e-12, but are 2 s and 1 s"),
         (lambda: A + JUMPING.at, r"`right` of `\+` must be an array of numbers"),
-        (lambda: joint(1.0, np.pi), "are 1 s and 3.14159265358979 s, which have none to within 1e-12"),
-        (lambda: joint(1.0, 1.0 + 1e-9), "must have a common multiple within 1000 of each"),
-        (lambda: joint(37.0, 41.0, 1.0), "must have a common multiple within 1000 of each"),
-        (lambda: A.repeated(0), "`count` of `AbstractPeriodicMatrix.repeated` must be an integer of at least 1"),
-        (lambda: A.to_harmonics(-1), "`n_harmonics` of `AbstractPeriodicMatrix.to_harmonics` must be an integer"),
-        (lambda: A.to_harmonics(tolerance=1e-20), r"`tolerance` of .*to_harmonics` must lie in \[1e-14, 1\)"),
-        (
-            JUMPING.to_harmonics,
-            r"with 512 of them the upper ones are still 0\.\d+ of the matrix.*\n.*n_harmo",
-        ),
     ],
 )
 def test_what_cannot_be_is_refused(attempt, message):
     with pytest.raises(InputError, match=message):
         attempt()
-
-
-def test_a_function_of_another_period_is_refused():
-    other = FunctionMatrix(function=lambda t: np.array([[np.cos(2.0 * np.pi * t)]]), period=0.7)
-    with pytest.raises(InputError, match=r"`period` of `AbstractPeriodicMatrix\.to_harmonics` must be a period of A"):
-        other.to_harmonics(8)
-
-
-@pytest.mark.parametrize(
-    ("periods", "expected"),
-    [((0.3, 0.2), 0.6), ((1.0, 1.0 / 3.0, 0.25), 1.0), ((2.0,), 2.0), ((0.1 + 0.2, 0.3), 0.3), ((1.0, 0.999), 999.0)],
-)
-def test_common_periods(periods, expected):
-    assert joint(*periods) == pytest.approx(expected, rel=1e-14)
-
-
-def test_what_repeats_is_reduced():
-    blades = FunctionMatrix(function=lambda t: np.array([[np.cos(3.0 * t)]]), period=2.0 * np.pi)
-    assert blades.reduced().period == pytest.approx(2.0 * np.pi / 3.0, rel=1e-15)
-    assert A.reduced() is A
-    constant = FunctionMatrix(function=lambda _: np.eye(2), period=3.0)
-    assert constant.reduced() is constant
-    # A piece too short for probes at equal steps keeps the matrix from repeating.
-    edges = np.array([0.0, 0.2, 0.5, 0.7, 0.700001])
-    narrow = PiecewiseMatrix(values=np.array([[[0.0, 1.0, 0.0, 5.0, 1.0]]]), edges=edges, period=1.0)
-    assert narrow.reduced() is narrow
-    repeating = PiecewiseMatrix(values=np.array([[[0.0, 1.0, 0.0, 1.0]]]), edges=edges[:4], period=1.0).reduced()
-    assert repeating.period == 0.5
-    assert np.asarray(repeating.values).tolist() == [[[0.0, 1.0]]]
-
-
-def test_samples_that_a_repetition_does_not_divide_become_harmonics():
-    values = np.cos(6.0 * np.pi * np.arange(16) / 16.0)[None, None]
-    reduced = SampledMatrix(values=values, period=3.0).reduced()
-    assert isinstance(reduced, HarmonicMatrix)
-    assert reduced.period == pytest.approx(1.0)
-    assert reduced.at(TIMES)[:, 0, 0] == pytest.approx(np.cos(2.0 * np.pi * TIMES), abs=1e-13)
 
 
 def test_a_sample_on_a_jump_is_the_value_after_it():
@@ -112,7 +58,8 @@ def test_rounding_makes_no_series_complex():
 
 
 def test_a_system_has_one_period_and_names():
-    system = PeriodicSystem(A=A, B=JUMPING, C=[[1.0, 0.0]], states=["x", "v"], inputs=["left", "right"])
+    twice = FunctionMatrix(function=JUMPING.function, period=2.0, breaks=[0.0, 0.3, 1.0, 1.3])
+    system = PeriodicSystem(A=A, B=twice, C=[[1.0, 0.0]], states=["x", "v"], inputs=["left", "right"])
     assert system.period == 2.0
     assert {matrix.period for matrix in (system.A, system.B, system.C, system.D)} == {2.0}
     assert np.asarray(system.B.breaks) == pytest.approx([0.0, 0.3, 1.0, 1.3])
@@ -139,7 +86,7 @@ def test_a_system_has_one_period_and_names():
         ({"A": A, "outputs": ["y", "y"]}, "`outputs` of `PeriodicSystem` must have distinct names"),
         (
             {"A": A, "B": HarmonicMatrix.from_cosines([[0.0], [0.0]], [[[1.0]]] * 2, [[[0.0]]] * 2, period=np.e)},
-            "common",
+            "`periods` of `PeriodicSystem` must be equal",
         ),
     ],
 )
