@@ -20,9 +20,7 @@ os.environ["FLOQUID_ROOT"] = str(ROOT)
 def source() -> str:
     """A hash of all but their own cells that pages are computed from."""
     found = hashlib.sha256((ROOT / "requirements.txt").read_bytes())
-    for path in sorted(
-        path for folder in ("src", "examples", "benchmarks/paper") for path in (ROOT / folder).rglob("*")
-    ):
+    for path in sorted(path for folder in ("src", "examples", "benchmarks") for path in (ROOT / folder).rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:
             found.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
     return found.hexdigest()[:16]

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
+from benchmarks.truth import cramer_rao_bound
 from numpy.typing import NDArray
 from tests.driven import Driven, ambient_of, mathieu, paper_rotor, record_of
 
 from floquid import ConstantPeriod, Record
 from floquid.inputs import Samples, samples_of
 from floquid.systems import JeffcottRotor
-from floquid.testing import cramer_rao_bound
 
 
 @dataclass(frozen=True, kw_only=True)

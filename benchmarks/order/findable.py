@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.truth import Known, bound_of, columns_of, information, known_model, parameters, projected
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array
-from floquid.testing import Known, bound_of, columns_of, information, known_model, parameters, projected
 
 DETERMINED = 2e-3
 """A mode that must be found has an exponent whose deviation is below this share of the fundamental."""

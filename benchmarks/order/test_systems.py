@@ -7,13 +7,13 @@ import pytest
 from benchmarks.order.drawing import random_system
 from benchmarks.order.findable import findable
 from benchmarks.order.random_systems import CLASSES, Ranges
+from benchmarks.truth import cramer_rao_bound
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import chi2, f
 
 from floquid.errors import InputError
 from floquid.lifting import lift
 from floquid.lti import MaximumLikelihood, TimeResponses
-from floquid.testing import cramer_rao_bound
 
 SMALL = Ranges(modes=(1, 4), outputs=(1, 30), cycles=(30, 80))
 

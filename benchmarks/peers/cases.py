@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from benchmarks.truth import cramer_rao_bound
 from numpy.typing import NDArray
 
 from floquid.lifting import lift
 from floquid.lti import TimeResponses
 from floquid.sync import segment
 from floquid.systems import JeffcottRotor
-from floquid.testing import cramer_rao_bound
 
 NOISE = 0.02
 ROTOR = JeffcottRotor()

@@ -8,6 +8,7 @@ import typing
 
 import numpy as np
 import pytest
+from benchmarks.truth import cramer_rao_bound
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linear_sum_assignment
 
@@ -25,7 +26,6 @@ from floquid.lti import (
     PolyLSCF,
     TimeResponses,
 )
-from floquid.testing import cramer_rao_bound
 
 TABLE = {
     "ML": MaximumLikelihood(),

@@ -6,12 +6,13 @@ multiplier however small it is.
 
 import numpy as np
 import pytest
+from benchmarks.truth import system_with_exponents
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from floquid import floquet
 from floquid.errors import InputError
-from floquid.testing import pair_exponents, system_with_exponents
+from floquid.testing import pair_exponents
 
 LAWS = settings(max_examples=10, deadline=None, derandomize=True)
 PERIOD = 1.3

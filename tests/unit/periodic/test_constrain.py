@@ -218,7 +218,7 @@ def test_it_says_more_than_free_residues_of_a_mode_aliased_next_to_another():
 
 
 def bound_of_free_residues(model, lifted):
-    from floquid.testing import cramer_rao_bound
+    from benchmarks.truth import cramer_rao_bound
 
     modal = fit_residues(model.multipliers, lifted.responses)
     lengths = [int(lifted.responses.lengths[0])]

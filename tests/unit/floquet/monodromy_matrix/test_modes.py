@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benchmarks.truth import system_with_exponents
 from scipy.special import mathieu_a
 
 from floquid import floquet
@@ -9,7 +10,6 @@ from floquid.errors import InputError
 from floquid.floquet import ModesOutcome
 from floquid.floquet.monodromy_matrix import _periodic_schur
 from floquid.systems import JeffcottRotor
-from floquid.testing import system_with_exponents
 
 PERIOD = 2.0 * np.pi
 
