@@ -118,11 +118,6 @@ def test_map_vectorised(benchmark):
     assert len(found.bands) == 3
 
 
-@pytest.mark.benchmark(group="growth at 2000 speeds")
-def test_map_vectorised_on_two_threads(benchmark):
-    assert len(benchmark(mapped, system, 1e-10, vectorised=True, workers=2).bands) == 3
-
-
 @pytest.mark.slow
 @pytest.mark.benchmark(group="growth at 2000 speeds")
 def test_map_plain(benchmark):
@@ -182,7 +177,6 @@ def compared():
             ("plain", measured(3, mapped, plain, tolerance)),
             ("plain, announced smooth", measured(3, mapped, plain, tolerance, narrowest=1.0 / 16.0)),
             ("vectorised", measured(5, mapped, vectorised, tolerance, vectorised=True)),
-            ("vectorised, two threads", measured(5, mapped, vectorised, tolerance, vectorised=True, workers=2)),
         ):
             yield f"    {form:32} {mine:9.0f} ms  {theirs / mine:6.1f} times as fast"
 

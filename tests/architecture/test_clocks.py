@@ -10,7 +10,7 @@ ROOT = Path(floquid.__file__).parent
 MEASURED = {kind.__name__ for kind in CLOCKS if kind.__name__ != "ConstantPeriod"}
 CONCRETE = {kind.__name__ for kind in CLOCKS} | {"Clock", "CLOCKS", "ShaftAngle"}
 
-CHECKS_AN_ARGUMENT = {"core/_record.py", "plot/_synchronisation.py"}
+CHECKS_AN_ARGUMENT = {"core/_record.py", "plot/_record.py"}
 """Modules that refuse an argument by its class: the clock of a record, and the shaft of a figure."""
 
 NAME_MEASURED = {

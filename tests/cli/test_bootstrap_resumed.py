@@ -21,8 +21,8 @@ pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SI
 COMMAND = """
 import sys
 from floquid.cli import run
-from floquid.pipeline.draws import _draw_file
-_draw_file.EVERY = 0.0
+from floquid.pipeline.draws import _spread
+_spread.EVERY = 0.0
 sys.exit(run(sys.argv[1:]))
 """
 

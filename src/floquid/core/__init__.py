@@ -5,7 +5,7 @@ from floquid.core._channel import Channel, Quantity, channel_of, channels_named
 from floquid.core._clock import CLOCKS, AzimuthSignal, Clock, ConstantPeriod, PhaseClock, PulseTimes, TachometerSignal
 from floquid.core._estimates import Estimates, Gains
 from floquid.core._lazy_record import LazyRecord
-from floquid.core._model_inputs import ModelInputs
+from floquid.core._model_inputs import MOST_TIMES, Form, Hold, ModelInputs
 from floquid.core._modelled import (
     Driven,
     NearAxis,
@@ -16,7 +16,6 @@ from floquid.core._modelled import (
     readings,
     with_deviations,
 )
-from floquid.core._options import MOST_TIMES, Form, Hold
 from floquid.core._periodic_model import Identified, PeriodicModel
 from floquid.core._periodic_modes import Couple, PeriodicModes, couples_of
 from floquid.core._record import (

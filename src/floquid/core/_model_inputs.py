@@ -1,8 +1,9 @@
-"""The inputs of a periodic model: how they drive its modes, and what they do to the outputs at once."""
+"""The inputs of a periodic model, and words and limits of options that `Settings` checks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -59,3 +60,13 @@ class ModelInputs(Rebuilt):
         if not len(self.begins):
             object.__setattr__(self, "begins", np.zeros(self.initial.shape[1]))
         self._freeze(begins=self.initial.shape[1:])
+
+
+Hold: TypeAlias = Literal["zero", "first", "none"]
+"""The input between its samples: held, linear, or acting at the samples alone."""
+
+Form: TypeAlias = Literal["second-order", "first-order", "delayed"]
+"""States of A(t) beside those that were named: their derivatives, none, or later samples of them."""
+
+MOST_TIMES = 10_000
+"""Instants of a period at most, where a number of them is asked for."""

@@ -14,8 +14,7 @@ import numpy as np
 from floquid._checks import Rebuilt, wrong_value
 from floquid.findings._inputs import AMBIENT, INPUTS
 from floquid.findings._model import FIT, MODEL, ORDER, SYSTEM
-from floquid.findings._period import PERIOD
-from floquid.findings._records import RECORDS, SHAFT
+from floquid.findings._records import PERIOD, RECORDS, SHAFT
 from floquid.findings._verdict import DRAWS, VERDICT
 
 WORDS: dict[str, str | Callable[..., str]] = {

@@ -4,12 +4,10 @@
 """
 
 from floquid.periodic._fit_records import Fit, OrderError, fit
-from floquid.periodic._fit_shapes import fit_shapes
 from floquid.periodic._forced_part import ForcedResponse
-from floquid.periodic._output_error_step import estimate_at
 from floquid.periodic._refit import instants, line_amplitudes, own_period, refit, unexplained, without_lines
+from floquid.periodic._special_fits import estimate_at, fit_shapes, steady_period
 from floquid.periodic._start import Known, distinct_multipliers, generous_poles, groups, held_shapes, without_known
-from floquid.periodic._steady_period import steady_period
 from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands, strongest_branch
 from floquid.periodic.least_squares import ModeParameters, followed
 from floquid.periodic.period import PeriodCandidate, PeriodEstimate, estimate_period

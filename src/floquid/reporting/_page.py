@@ -26,6 +26,7 @@ from floquid.reporting._driven_figures import (
 from floquid.reporting._modes_figures import Truth, mode_figures, mode_source, system_figures
 from floquid.reporting._record_figures import (
     composite_figure,
+    indicator_figures,
     record_figures,
     response_label,
     response_name,
@@ -36,9 +37,9 @@ from floquid.reporting._record_figures import (
     spectrum_figure,
     spectrum_label,
     speed_figure,
+    stabilisation_figures,
     synchronisation_figure,
 )
-from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.views import (
     DAMPING_WORDS,
     DampingUnit,

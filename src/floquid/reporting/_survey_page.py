@@ -10,7 +10,7 @@ import numpy as np
 from floquid._checks import counted
 from floquid.fit import WITHIN
 from floquid.reporting._case import HEIGHT, ROW, Figure, hover, legend_above, new_figure
-from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
+from floquid.reporting._chosen_figures import channels_of, chosen_figures, shape_columns
 from floquid.reporting._page import drawn_by, filled, listed
 from floquid.surveys import (
     DAMPING,

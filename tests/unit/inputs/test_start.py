@@ -5,8 +5,7 @@ import pytest
 from tests.driven import mathieu, record_of, two_masses
 
 from floquid.inputs import samples_of
-from floquid.inputs._lags import products_of_lags
-from floquid.inputs._start import _lower, bare_mode, candidates, chosen_together
+from floquid.inputs._start import _lower, bare_mode, candidates, chosen_together, products_of_lags
 
 
 def samples_from(system, periods, phases, noise, seed=0):

@@ -13,7 +13,7 @@ import floquid
 from floquid import Channel, Record, bootstrap, identify
 from floquid.errors import IdentificationError
 from floquid.findings import failure
-from floquid.pipeline._state import with_state
+from floquid.pipeline._deviations import with_state
 
 DRAWS = 60
 PHASES = 24

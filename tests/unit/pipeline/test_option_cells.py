@@ -9,7 +9,7 @@ from tests.driven import ambient_of, mathieu, record_of, two_masses
 
 from floquid import Channel, ConstantPeriod, InputError, Record, Settings, identify
 from floquid.errors import FloquidError
-from floquid.pipeline._state import state_of
+from floquid.pipeline._deviations import state_of
 from floquid.pipeline.free import again_of
 from floquid.preparation import FORBIDDEN, WORDS, prepare
 from floquid.systems import JeffcottRotor

@@ -22,8 +22,7 @@ from floquid.reporting import _page
 from floquid.reporting._case import CURVES, DASHES, MARKERS, MOST_CHANNELS, POINTS, case_of
 from floquid.reporting._modes_figures import MOST, _upper, element_name, elements_shown
 from floquid.reporting._page import page
-from floquid.reporting._record_figures import response_sources
-from floquid.reporting._stabilisation_figures import _poles
+from floquid.reporting._record_figures import _poles, response_sources
 from floquid.reporting._words import CRITERIA, checks, minus, noise_table, steps
 from floquid.systems import Run
 from floquid.views import _mode_table, mode_table, multiplier_ellipses

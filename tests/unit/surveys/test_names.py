@@ -12,7 +12,7 @@ import floquid as fq
 from floquid import floquet
 from floquid.errors import InputError
 from floquid.exports import survey_columns, survey_summary
-from floquid.reporting._chosen_shape import shape_columns
+from floquid.reporting._chosen_figures import shape_columns
 from floquid.shapes import ShapeOptions
 from floquid.shapes._read import _named
 from floquid.surveys import look_of, looks, order_end, order_lines

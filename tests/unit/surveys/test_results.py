@@ -11,7 +11,7 @@ from tests.locks import known
 import floquid as fq
 from floquid.errors import InputError
 from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
-from floquid.reporting._chosen_shape import _curves, shape_columns
+from floquid.reporting._chosen_figures import _curves, shape_columns
 from floquid.surveys import Point, link_runs, track_rows, unstable_spans
 
 SPEEDS = np.arange(18.0, 22.1, 0.5)

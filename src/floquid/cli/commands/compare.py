@@ -13,8 +13,7 @@ from rich.console import Console
 from floquid._checks import counted
 from floquid.cli.arguments.shared import Format, OutputFolder
 from floquid.cli.commands.shapes import scales_of
-from floquid.cli.output.folder import maybe_folder, settle
-from floquid.cli.output.several import keep, refuse_beside_identified, tell
+from floquid.cli.output.folder import keep, maybe_folder, refuse_beside_identified, settle, tell
 from floquid.cli.output.terminal import json_text, new_table, print_warnings, print_whole
 from floquid.comparison import Comparison, Updated, headings, missing_words, pair_row, update_words, verdict
 from floquid.comparison import compare as compare_sides

@@ -11,8 +11,7 @@ from floquid._checks import counted, input_error, wrong_value
 from floquid.cli.arguments.options import ModelOptions, RecordOptions, choices_of, given
 from floquid.cli.arguments.points import jobs_of, points_of
 from floquid.cli.arguments.shared import Format, MonitorFiles, OptionalWhole, OutputFolder, Place, SettingsFile, Whole
-from floquid.cli.output.folder import maybe_folder
-from floquid.cli.output.several import keep, refuse_beside_identified, tell
+from floquid.cli.output.folder import keep, maybe_folder, refuse_beside_identified, tell
 from floquid.cli.output.terminal import json_text, new_table, print_title, print_warnings, print_whole
 from floquid.errors import IdentificationError
 from floquid.exports import columns_text, monitor_columns, monitor_summary

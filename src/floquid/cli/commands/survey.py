@@ -24,8 +24,7 @@ from floquid.cli.arguments.shared import (
     Whole,
 )
 from floquid.cli.commands.shapes import ShapeChoices
-from floquid.cli.output.folder import maybe_folder
-from floquid.cli.output.several import keep, refuse_beside_identified, tell
+from floquid.cli.output.folder import keep, maybe_folder, refuse_beside_identified, tell
 from floquid.cli.output.terminal import json_text, new_table, print_title, print_warnings, print_whole
 from floquid.errors import IdentificationError
 from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary

@@ -1,15 +1,10 @@
-"""Stability of a periodic system over its parameters, worked out by threads or processes."""
+"""Stability of a periodic system over its parameters."""
 
 from __future__ import annotations
 
-import pickle
-import signal
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, Executor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +14,6 @@ from floquid._arrays import Complexes, Floats, Mask
 from floquid._bar import bar
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, integer, positive
 from floquid._show import Drawings, Drawn
-from floquid.errors import InputError
 from floquid.floquet.monodromy_matrix import TOLERANCE
 from floquid.floquet.stability_maps._boundaries import (
     Samples,
@@ -38,70 +32,13 @@ _CHUNK_PLAIN = 32  # and of a plain one, whose cost is its own
 _NUMBERS = 50_000  # of the matrices of one sample of a batch
 
 
-@contextmanager
-def shared_by(count: int, of: Family) -> Iterator[Callable[..., Spectra]]:
-    """The spectra at points (points, parameters) by `workers` processes; a listener is told how many are done."""
-    pool = _pool(of, count) if integer(count, "workers", of.of, at_least=1) > 1 else None
-    size = min(_CHUNK if of.vectorised else _CHUNK_PLAIN, 1 + _NUMBERS // len(of.scale) ** 2)
-
-    def evaluate(points: Floats, done: Callable[[int], None] = lambda _: None) -> Spectra:
-        chunks = [points[start : start + size] for start in range(0, len(points), size)]
-        own, parts = partial(spectra, of), []
-        if pool is None or (len(chunks) == 1 and of.vectorised):
-            found = map(own, chunks)
-        else:
-            found = pool.map(own if of.vectorised else _one_chunk, chunks)
-        try:
-            for part in found:
-                parts.append(part)
-                done(sum(len(each.growth) for each in parts))
-        except BrokenExecutor:
-            raise _unreachable(of, "the processes that should call it ended at once") from None
-        return joined(parts)
-
-    try:
-        yield evaluate
-    finally:
-        if pool is not None:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _pool(of: Family, count: int) -> Executor:
-    """Threads for a vectorised system, processes for a plain one."""
-    from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-
-    if of.vectorised:
-        return ThreadPoolExecutor(count)
-    import multiprocessing
-
-    try:
-        pickle.dumps((of.system, of.period))
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise _unreachable(of, f"it cannot be sent to one ({error})") from None
-    # A fresh interpreter: a fork of a process with threads may hang.
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(of,))
-
-
-_FAMILY: list[Family] = []  # that of this worker process
-
-
-def _begin(of: Family) -> None:
-    # Ctrl-C reaches every process of a terminal; the first of them ends the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _FAMILY[:] = [of]
-
-
-def _one_chunk(points: Floats) -> Spectra:
-    return spectra(_FAMILY[0], points)
-
-
-def _unreachable(of: Family, why: str) -> InputError:
-    must = "be 1 for a plain callable that other processes cannot import"
-    remedy = (
-        "Define it and the period at the top level of a module, or pass `vectorised` ones, which need threads only."
-    )
-    return input_error("workers", of.of, must, why, remedy)
+def _in_batches(of: Family, points: Floats, done: Callable[[int], None] = lambda _: None) -> Spectra:
+    """The spectra at points (points, parameters); a listener is told how many are done."""
+    size, parts = min(_CHUNK if of.vectorised else _CHUNK_PLAIN, 1 + _NUMBERS // len(of.scale) ** 2), []
+    for start in range(0, len(points), size):
+        parts.append(spectra(of, points[start : start + size]))
+        done(min(start + size, len(points)))
+    return joined(parts)
 
 
 _HALVINGS = (20, 3)  # by default, of the steps of the grid of one and of two parameters
@@ -188,7 +125,6 @@ def stability_map(
     refinements: int | None = None,
     tolerance: float = TOLERANCE,
     narrowest: float = 1.0 / 64.0,
-    workers: int = 1,
     progress: bool = False,
     report: Callable[[str], None] = lambda _: None,
 ) -> StabilityMap:
@@ -211,8 +147,7 @@ def stability_map(
     as the product allows, small ones may be lost, which stability does not ask for; `floquet.exponents` has them.
 
     Raises InputError where the parameters are not one or two ascending grids, a callable does not return what it must,
-    A(t; p) does not have the period T(p) or cannot be integrated, or a plain callable cannot be sent to the worker
-    processes.
+    or A(t; p) does not have the period T(p) or cannot be integrated.
 
     Parameters
     ----------
@@ -243,8 +178,6 @@ def stability_map(
     narrowest
         The shortest feature of A(t), as a fraction of the period, that must be seen: see `FunctionMatrix`. 1/16 is
         enough, and four times as quick, for a plain callable that is known to be smooth.
-    workers
-        How many threads (when `vectorised`) or processes share the points. The result does not depend on it.
     progress
         Whether a progress bar is drawn on stderr, if that is a terminal.
     report
@@ -263,13 +196,13 @@ def stability_map(
     how: dict[str, Any] = {"vectorised": vectorised, "breaks": breaks, "tolerance": tolerance, "narrowest": narrowest}
     given = family(system, period, points, names, **how, of=of)
     ranges = np.array([grid[-1] - grid[0] for grid in grids])
-    with shared_by(workers, given) as spectra, bar(progress, report) as told:
+    with bar(progress, report) as told:
 
         def evaluate(points: Floats, words: str) -> Spectra:
             told(words)
-            return spectra(points)
+            return _in_batches(given, points)
 
-        first = spectra(points, lambda done: told(f"evaluating the grid: {done} of {len(points)}"))
+        first = _in_batches(given, points, lambda done: told(f"evaluating the grid: {done} of {len(points)}"))
         known = samples(points, first, margin)
         bands = segments = None
         if len(names) == 1:

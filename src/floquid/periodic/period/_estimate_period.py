@@ -14,9 +14,18 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.fit import ROUNDS, SIGNIFICANT
 from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
-from floquid.periodic.period._families import averaged, entries_of, grouped, model_at
 from floquid.periodic.period._fundamental_candidates import OrbitLines, Spacing, orbit_of, spacings_of
-from floquid.periodic.period._spectral_lines import Lines, beside, find_lines, raw_blocks, with_noise_left
+from floquid.periodic.period._spectral_lines import (
+    Lines,
+    averaged,
+    beside,
+    entries_of,
+    find_lines,
+    grouped,
+    model_at,
+    raw_blocks,
+    with_noise_left,
+)
 
 CERTAIN = float(np.log(1e2))  # the odds of a fundamental against chance from which on it counts as seen, as a logarithm
 DISTINCT = float(np.log(10.0))  # the odds of a fundamental against another one

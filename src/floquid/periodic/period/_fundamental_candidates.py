@@ -13,8 +13,7 @@ from floquid._arrays import Floats, Integers
 from floquid.errors import IdentificationError
 from floquid.fit import DEVIATIONS, EVIDENT, SLOW, SURE, chi2_limit
 from floquid.periodic.least_squares import RecordBlock, forced_entries, linearise, solve
-from floquid.periodic.period._families import Group, averaged, grouped
-from floquid.periodic.period._spectral_lines import Lines, beside, with_noise_left
+from floquid.periodic.period._spectral_lines import Group, Lines, averaged, beside, grouped, with_noise_left
 
 PARTS = 12  # a spacing, or a line of an orbit, is taken for this many fundamentals at most
 

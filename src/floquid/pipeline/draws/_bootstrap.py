@@ -20,9 +20,8 @@ from floquid._show import Told
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline.draws._draw_file import DrawFile
 from floquid.pipeline.draws._redraw import Draw, Redrawn, drawn, redrawn
-from floquid.pipeline.draws._spread import MATERIAL, Spread
+from floquid.pipeline.draws._spread import MATERIAL, DrawFile, Spread
 
 OF = "bootstrap"
 

@@ -21,9 +21,8 @@ from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, estimate_at, refit
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._deviations import Driven, widening_of
+from floquid.pipeline._deviations import Again, Driven, state_of, widening_of
 from floquid.pipeline._identify import identify
-from floquid.pipeline._state import Again, state_of
 from floquid.pipeline.draws._plan import Plan, aligned, choices_of, plan_of, selected, without_states
 from floquid.pipeline.free import again_of
 from floquid.preparation import Settings

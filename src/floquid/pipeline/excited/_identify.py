@@ -15,7 +15,7 @@ from floquid.findings import Finding, Severity, note, warning
 from floquid.inputs import Limits, Linearisation, Uncertainty, fitted_freely, read_near_axis, searched
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import Driven as Fitted
-from floquid.pipeline._state import with_state
+from floquid.pipeline._deviations import with_state
 from floquid.preparation import Prepared, Settings
 
 OF = "identify"

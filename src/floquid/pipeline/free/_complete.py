@@ -19,8 +19,7 @@ from floquid.lti import ModalModel, fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._deviations import Decay, model_failure, widened, widening, with_misfit
-from floquid.pipeline._state import Again, with_state
+from floquid.pipeline._deviations import Again, Decay, model_failure, widened, widening, with_misfit, with_state
 from floquid.pipeline.free._find_poles import ALL_PEAKED
 from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step
 from floquid.preparation import Prepared, Settings, clocks_of, in_phase, uneven_speed, without_clock

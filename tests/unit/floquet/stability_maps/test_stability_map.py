@@ -1,12 +1,5 @@
 """Stability maps against closed forms and known edges, and what they refuse."""
 
-import os
-import signal
-import subprocess
-import sys
-import time
-from contextlib import suppress
-
 import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
@@ -310,94 +303,6 @@ def test_exponents_are_those_of_one_system():
     assert found.growth == pytest.approx(found.exponents.real.max(axis=1), abs=0.0)
 
 
-MODULE = """
-import sys
-import numpy as np
-
-def system(t, a):
-    return np.array([[0.0, 1.0], [-(a - np.cos(2.0 * t)), -0.02]])
-
-def slow(t, a):
-    import time
-    time.sleep(0.001)
-    return system(t, a)
-
-if __name__ == "__main__":
-    from floquid.floquet import stability_map
-    def report(words):
-        sys.stdout.write(words + "\\n")
-        sys.stdout.flush()
-    stability_map(slow, np.pi, {"a": np.linspace(0.0, 5.0, 20_000)}, workers=2, report=report)
-"""
-
-
-@pytest.fixture
-def module(tmp_path, monkeypatch):
-    """A module that other processes can import."""
-    (tmp_path / "plain_family.py").write_text(MODULE, encoding="utf-8")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, "plain_family", raising=False)
-    import plain_family
-
-    yield plain_family
-    del sys.modules["plain_family"]
-
-
-def same(one, other):
-    return all(
-        np.array_equal(getattr(one, name), getattr(other, name))
-        for name in ("points", "growth", "multiplier", "kind", "bands")
-    )
-
-
-@pytest.mark.slow
-def test_threads_change_nothing():
-    grid = {"speed": np.linspace(0.4, 1.2, 1500)}
-    one, three = (stability_map(rotor(), half_turn, grid, vectorised=True, workers=n) for n in (1, 3))
-    assert same(one, three)
-
-
-@pytest.mark.slow
-def test_processes_change_nothing(module):
-    grid = {"a": np.linspace(0.0, 5.0, 70)}
-    one, two = (stability_map(module.system, np.pi, grid, edge_tolerance=1e-4, workers=n) for n in (1, 2))
-    assert same(one, two)
-    assert len(one.bands) == 2
-
-
-@pytest.mark.kill
-def test_what_other_processes_cannot_have_is_refused(module, monkeypatch):
-    grid = {"a": np.linspace(0.0, 5.0, 70)}
-    with pytest.raises(InputError, match=r"`workers` of `floquet.stability_map` must be 1 for a plain callable"):
-        stability_map(lambda t, a: 2.0 * module.system(t, a), np.pi, grid, workers=2)
-    monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry != module.__file__.rpartition("/")[0]])
-    with pytest.raises(InputError, match="the processes that should call it ended at once"):
-        stability_map(module.system, np.pi, grid, workers=2)
-
-
-@pytest.mark.kill
-@pytest.mark.skipif(sys.platform == "win32", reason="process groups")
-def test_an_interrupt_leaves_no_process(module):
-    run = subprocess.Popen(
-        [sys.executable, module.__file__], stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
-    )
-    try:
-        assert b"evaluating" in run.stdout.readline()
-        os.killpg(run.pid, signal.SIGINT)
-        _, errors = run.communicate(timeout=60)
-        assert run.returncode != 0
-        assert b"KeyboardInterrupt" in errors
-        for _ in range(100):
-            os.killpg(run.pid, 0)
-            time.sleep(0.1)
-        pytest.fail("a process was left")
-    except ProcessLookupError:
-        return
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(run.pid, signal.SIGKILL)
-
-
 def test_a_plain_callable_is_called_as_often_as_said():
     calls = []
 
@@ -452,7 +357,6 @@ GRID = {"a": [0.0, 1.0, 2.0]}
         ((lambda t, a: mathieu(t, a, 0.5), -1.0, GRID), {}, "must be positive"),
         ((lambda t, a: mathieu(t, a, 0.5), np.pi, GRID), {"breaks": [1.5]}, r"must lie in \[0, 1\)"),
         ((lambda t, a: mathieu(t, a, 0.5), np.pi, GRID), {"tolerance": 1.0}, "`tolerance`"),
-        ((lambda t, a: mathieu(t, a, 0.5), np.pi, GRID), {"workers": 0}, "`workers`"),
         ((lambda t, a: mathieu(t, a, 0.5), np.pi, GRID), {"margin": np.nan}, "`margin`"),
         ((lambda t, a: mathieu(t, a, 0.5), np.pi, GRID), {"edge_tolerance": 0.0}, "`edge_tolerance`"),
         ((lambda t, a: mathieu(t, a, 0.5), np.pi, GRID), {"refinements": -1}, "`refinements`"),

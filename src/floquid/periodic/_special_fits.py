@@ -1,8 +1,8 @@
-"""Linearisation of the record at exponents that something else has found: one output-error step."""
+"""Fits of the samples for a special purpose: one shape of brief hits, the period of a steady response, one step."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +12,15 @@ from floquid._arrays import Floats
 from floquid._checks import frozen_array, input_error
 from floquid.core import Estimates, PeriodicModel, PhaseClock, Record
 from floquid.errors import IdentificationError
+from floquid.fit import ROUNDING, SURE
 from floquid.lifting import Lifted
-from floquid.periodic._forced_part import ForcedResponse, forced_base
-from floquid.periodic._refit import noise_of_records
+from floquid.periodic._fit_records import Fit, Samples, result_of
+from floquid.periodic._forced_part import ForcedResponse, forced_base, forced_turns
+from floquid.periodic._refit import noise_of_records, scaled
+from floquid.periodic._start import Known
 from floquid.periodic.least_squares import (
+    PLAIN,
+    TREND,
     Block,
     LiftedBlock,
     ModeParameters,
@@ -23,8 +28,113 @@ from floquid.periodic.least_squares import (
     linearise,
     parts_of,
     record_blocks,
+    shapes,
     through,
 )
+from floquid.periodic.search import Point, of_shapes, priced
+
+
+def fit_shapes(
+    records: Sequence[Record],
+    clocks: Sequence[PhaseClock],
+    model: PeriodicModel,
+    lifted: Lifted,
+    *,
+    noise_floor: float = 1e-10,
+    report: Callable[[str], None] = lambda _: None,
+) -> Fit:
+    r"""Modes of brief hits with one shape for all of them, and a state in each.
+
+    .. math:: y_{c,h}(t) = 2 \Re \sum_r a_{r,h} \sum_{m \in M_r} c_{r,m,c}\, e^{(\lambda_r + i m \omega) t}
+
+    Of many hits that are over in a few periods, residues of its own ask of each hit more than it holds: P H numbers a
+    mode and channel, where P shapes and H states do.
+
+    Raises IdentificationError where a mode is not determined.
+
+    Parameters
+    ----------
+    records, clocks
+        One record a hit, and what ties each to the phase.
+    model
+        Where to start: outer products of shape and hit, with the bands of harmonics.
+    lifted
+        The same records lifted, with their noise.
+    noise_floor
+        The share of the largest free response that the noise is taken to be at least.
+    report
+        Is told of the stage.
+    """
+    report("fitting one shape for all hits")
+    samples = Samples.of(records, clocks, lifted, None, 1.0)
+    entries = ModeParameters.of(model)
+    values = [2.0 * scaled(model, entries, block) for block in samples.final]
+    result = of_shapes(samples.final, entries, values, noise_floor, samples.most)
+    noise = np.zeros(lifted.noise.shape)
+    for block in result.blocks:
+        noise[block.rows, block.hit] = block.noise
+    common = {"free_period": False, "noise_floor": noise_floor, "ended": (), "noise": noise}
+    return result_of(result, records, clocks, samples, lifted.whitening, **common)
+
+
+def steady_period(
+    records: Sequence[Record],
+    clocks: Sequence[PhaseClock],
+    start: ModeParameters,
+    known: Known,
+    *,
+    forced: str | Sequence[int] = "auto",
+    periods_per_revolution: float = 1.0,
+) -> float:
+    r"""Period [s] by which the steady response of records keeps its phase, in a fit beside modes.
+
+    .. math:: \frac{2\pi}{T} = \omega
+              + \frac{\sum_{c,h,j} j\, \Im(\bar F_{c,h,j} \dot F_{c,h,j}) / s_{c,h}^2}
+                     {\sum_{c,h,j} j^2 |F_{c,h,j}|^2 / s_{c,h}^2}
+
+    with F the harmonics j a period, which may change linearly with time, F' what they change by in a second, s the
+    noise, and ω that of the `clocks`. Without a steady response it is their period. To first order in the slip over the
+    record: once more with the period found is better yet.
+
+    Raises InputError where records or clocks do not belong together, or the forced response cannot be what is asked
+    for.
+
+    Parameters
+    ----------
+    records
+        One record, or one a hit on the same system, of equal channels.
+    clocks
+        The constant period of each, the same of all.
+    start
+        The modes beside (`groups`).
+    known
+        The forced response that was found in the lifted responses.
+    forced
+        The harmonics of the revolution in it, as `fit` takes them.
+    periods_per_revolution
+        Periods of the system in a revolution of the shaft.
+    """
+    samples = Samples.of(records, clocks, None, known, periods_per_revolution)
+    chosen = forced_turns(forced, known, samples.half, samples.nu)
+    base = forced_base(chosen, samples.fundamental, wanders=False, turning=True)
+    prices = priced(samples.final, base, ROUNDING, mode_alarm=SURE, harmonic_alarm=SURE)
+    begin = replace(start, fundamental=samples.fundamental)
+    return 2.0 * np.pi / _turned(Point.at(samples.final, *prices, base.joined(begin)).settled())
+
+
+def _turned(point: Point) -> float:
+    """Fundamental [rad/s] with which the steady response of a fit that lets it change keeps its phase."""
+    entries, both = point.entries, shapes(point.blocks, point.solution)
+    values, above, below = both.coefficients[..., both.harmonics == 0][..., 0], 0.0, 0.0
+    for entry in np.flatnonzero(entries.fixed & (entries.factors == TREND) & (entries.offsets != 0.0)):
+        turn = entries.offsets[entry]
+        plain = int(np.flatnonzero(entries.fixed & (entries.factors == PLAIN) & (entries.offsets == turn))[0])
+        for block in point.blocks:
+            own, change = values[plain, block.rows, block.hit], values[entry, block.rows, block.hit] / block.half
+            above += turn * float(np.sum((own.conj() * change).imag / block.noise**2))
+            below += turn**2 * float(np.sum(np.abs(own) ** 2 / block.noise**2))
+    return entries.fundamental + (above / below if below else 0.0)
+
 
 OF = "estimate_at"
 
