@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from benchmarks.paper._experiment import CUTS, MASS, TURNTABLE, Reproduction, uncut
 from benchmarks.paper._numbers import Number
+from benchmarks.paper._residues import coefficients, residues
 
 from floquid import plot
 from floquid._arrays import Floats
@@ -181,7 +182,7 @@ def _residues(done: Reproduction, mode: int) -> PaperFigure:
         f"own scale. Ours are drawn for λ = {exponent.real:.4f} + {exponent.imag:.4f} i, where the largest harmonic of "
         "the mode is the zeroth; on the principal branch they would turn once a period. A dot in a ring is where both "
         "algorithms agree.",
-        figure=plot.residues(_named(done), mode, periods_per_revolution=2),
+        figure=residues(_named(done), mode, periods_per_revolution=2),
     )
 
 
@@ -209,7 +210,7 @@ def _coefficients(done: Reproduction, mode: int) -> PaperFigure:
         source="section 3.2",
         seen=f"{_capital('; '.join(words))}. What is left between rings and line below is the noise that was thrown "
         "away with the other coefficients.",
-        figure=plot.coefficients(_named(done), mode, "X", periods_per_revolution=2),
+        figure=coefficients(_named(done), mode, "X", periods_per_revolution=2),
     )
 
 

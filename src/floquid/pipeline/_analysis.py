@@ -105,7 +105,7 @@ class Analysis(Told, Drawn, Brief):
         }
         if self.decay is not None:
             own = self.decay
-            whole = ["time_record", "spectra", "composite", "residues", "coefficients", "synthesis", "synchronisation"]
+            whole = ["time_record", "spectra", "composite", "synthesis", "synchronisation"]
             found |= dict.fromkeys(whole, (self, {}))
             found["indicators"] = (lambda: indicators(own.lifted.responses, own.modal), {})
         if self.inputs:

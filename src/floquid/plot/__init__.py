@@ -14,7 +14,7 @@ from floquid.plot._spectra import harmonic_spectra, spectra
 from floquid.plot._stabilisation import composite, indicators, stabilisation
 from floquid.plot._style import style
 from floquid.plot._survey import campbell, damping, multipliers, stability_map
-from floquid.plot._system_elements import coefficients, residues, system_elements
+from floquid.plot._system_elements import system_elements
 from floquid.plot._transfer import nyquist, transfer
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
 
 __all__ = [
-    "FIGURES", "campbell", "coefficients", "comparison", "composite", "damping", "exponents", "harmonic_spectra",
-    "indicators", "monitor", "multipliers", "nyquist", "periodic_amount", "periodic_shapes", "residues", "save_figure",
-    "save_figures", "spectra", "speed", "stabilisation", "stability_map", "synchronisation", "synthesis",
-    "system_elements", "time_record", "transfer",
+    "FIGURES", "campbell", "comparison", "composite", "damping", "exponents", "harmonic_spectra", "indicators",
+    "monitor", "multipliers", "nyquist", "periodic_amount", "periodic_shapes", "save_figure", "save_figures", "spectra",
+    "speed", "stabilisation", "stability_map", "synchronisation", "synthesis", "system_elements", "time_record",
+    "transfer",
 ]  # fmt: skip

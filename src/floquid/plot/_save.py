@@ -28,8 +28,6 @@ FIGURES = (
     "indicators",
     "exponents",
     "periodic_shapes",
-    "residues",
-    "coefficients",
     "synthesis",
     "synchronisation",
     "harmonic_spectra",
@@ -38,8 +36,6 @@ FIGURES = (
     "speed",
 )
 """The names of the figures that there may be, in the order in which `save_figures` writes them."""
-
-MOST_CHANNELS = 6  # channels of the figure of residues
 
 # What would make two files of one figure differ.
 _NO_DATE = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -56,10 +52,9 @@ def save_figures(
 ) -> tuple[Path, ...]:
     """Write every figure that the analysis allows, each under the name of its function (`FIGURES`).
 
-    `residues`, `coefficients` and `synthesis` are of the mode, the channel and the hit that rise highest above the
-    noise. `system_elements` needs an A(t), `speed` a tachometer, `transfer` measured inputs, and `harmonic_spectra`
-    outputs alone. A scan over orders is not in an analysis: for its figure there is `stabilisation`. Each file appears
-    whole or not at all.
+    `synthesis` is of the channel and the hit in which a mode rises highest above the noise. `system_elements` needs an
+    A(t), `speed` a tachometer, `transfer` measured inputs, and `harmonic_spectra` outputs alone. A scan over orders is
+    not in an analysis: for its figure there is `stabilisation`. Each file appears whole or not at all.
 
     Returns the files written. Raises InputError where the folder does not exist or cannot be written to, a format is
     unknown, or the truth does not fit.
@@ -117,31 +112,21 @@ def figure_of_fit(analysis: Analysis) -> tuple[str, Figure]:
 
 
 def _options(analysis: Analysis) -> dict[str, dict[str, Any]]:
-    """Options of figures by name: the mode, the channel and the hit that they are of."""
-    mode, row, hit = _strongest(analysis)
-    names = [channel.name for channel in analysis.model.channels]
-    channels = [names[k] for k in _strongest_channels(analysis, mode, hit)]
+    """Options of figures by name: the channel and the hit that they are of."""
+    row, hit = _strongest(analysis)
     return {
         "periodic_shapes": {"hit": hit},
-        "residues": {"mode": mode, "channels": channels, "hit": hit},
-        "coefficients": {"mode": mode, "channel": names[row], "hit": hit},
-        "synthesis": {"channel": names[row], "hit": hit},
+        "synthesis": {"channel": analysis.model.channels[row].name, "hit": hit},
         "synchronisation": {"hit": hit},
     }
 
 
-def _strongest(analysis: Analysis) -> tuple[int, int, int]:
-    """The mode, channel and hit of the largest response over the noise; of a pair the mode above the real axis."""
+def _strongest(analysis: Analysis) -> tuple[int, int]:
+    """The channel and hit of the largest response of a mode over the noise."""
     model, upper = analysis.model, analysis.model.upper_modes
     energy = np.sum(np.abs(model.coefficients[list(upper)]) ** 2, axis=3) / analysis.noise**2
-    place, row, hit = np.unravel_index(int(np.argmax(energy)), energy.shape)
-    return upper[place], int(row), int(hit)
-
-
-def _strongest_channels(analysis: Analysis, mode: int, hit: int) -> list[int]:
-    """The channels in which a mode is strongest over the noise, as many as fit a figure, in their own order."""
-    energy = np.sum(np.abs(analysis.model.coefficients[mode, :, hit]) ** 2, axis=1) / analysis.noise[:, hit] ** 2
-    return sorted(np.argsort(-energy, kind="stable")[:MOST_CHANNELS].tolist())
+    _, row, hit = np.unravel_index(int(np.argmax(energy)), energy.shape)
+    return int(row), int(hit)
 
 
 def save_figure(figure: Figure, path: str | PathLike[str], *, dpi: float = 150.0) -> Path:

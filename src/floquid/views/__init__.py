@@ -12,7 +12,7 @@ from floquid.views._ellipses import (
     phase_degrees,
     region_on_branch,
 )
-from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expansion, identified_residue, shape_curves
+from floquid.views._expansion import ShapeCurves, closed_period, shape_curves
 from floquid.views._families import Family, end_of_lines, families, unfolded
 from floquid.views._mode_table import (
     DAMPING_WORDS,
@@ -70,14 +70,13 @@ from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence
 
 __all__ = [
-    "DAMPING_WORDS", "MODE_NOTES", "DampingUnit", "Expansion", "Family", "ModeTable",
-    "ShapeCurves", "SpectraOfModes", "Spectrum", "SpeedUnit", "Synchronisation", "Synthesis", "branch_of",
-    "branch_words", "check_analysis", "check_damping_unit", "closed_period", "cycle_words", "decrement", "done_words",
-    "element_unit", "ellipse", "envelope", "expansion", "exponent_ellipses", "families", "grows",
-    "identified_residue", "impedance", "in_short", "in_strip", "in_unit", "input_unit", "lifted_points",
-    "lifted_spectrum", "magnitude_bands", "mode_notes", "mode_numbers", "mode_table", "multiplier_ellipses",
-    "note_meanings", "outcome_lines", "over_label", "over_unit", "passed_words", "period_words", "phase_degrees",
-    "raw_noise", "record_spectrum", "region_on_branch", "shape_curves", "shortened", "spectra_of_modes", "speed_texts",
-    "speed_unit", "speed_words", "synchronisation", "synthesis", "to_alpha_beta", "to_dq", "to_sequence", "unfolded",
-    "whitening_words", "with_error",
+    "DAMPING_WORDS", "MODE_NOTES", "DampingUnit", "Family", "ModeTable", "ShapeCurves", "SpectraOfModes", "Spectrum",
+    "SpeedUnit", "Synchronisation", "Synthesis", "branch_of", "branch_words", "check_analysis", "check_damping_unit",
+    "closed_period", "cycle_words", "decrement", "done_words", "element_unit", "ellipse", "envelope",
+    "exponent_ellipses", "families", "grows", "impedance", "in_short", "in_strip", "in_unit", "input_unit",
+    "lifted_points", "lifted_spectrum", "magnitude_bands", "mode_notes", "mode_numbers", "mode_table",
+    "multiplier_ellipses", "note_meanings", "outcome_lines", "over_label", "over_unit", "passed_words", "period_words",
+    "phase_degrees", "raw_noise", "record_spectrum", "region_on_branch", "shape_curves", "shortened",
+    "spectra_of_modes", "speed_texts", "speed_unit", "speed_words", "synchronisation", "synthesis", "to_alpha_beta",
+    "to_dq", "to_sequence", "unfolded", "whitening_words", "with_error",
 ]  # fmt: skip

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.paper._residues import coefficients, residues
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tests.decays import with_decay
 
@@ -12,7 +13,7 @@ from floquid.errors import InputError
 from floquid.lti import AMI
 from floquid.periodic import assemble
 from floquid.pipeline import identify
-from floquid.plot import coefficients, composite, residues, save_figure, spectra, system_elements, time_record
+from floquid.plot import composite, save_figure, spectra, system_elements, time_record
 from floquid.systems import JeffcottRotor
 
 ROTOR = JeffcottRotor(damping=0.02)

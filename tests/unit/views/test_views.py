@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from benchmarks.paper._residues import expansion, identified_residue
 from scipy.interpolate import CubicSpline
 from tests.decays import half_a_turn, one_locked, two_hits, with_decay
 
@@ -174,7 +175,7 @@ def test_coefficients_of_a_fit_have_their_floor():
     values[:, 700:703] = np.nan
     analysis = identify(replace(record, values=values), validate=False)
     assert "Fitted at the original sampling times: samples are missing." in analysis.synchronisation
-    seen = views.expansion(analysis, 0, 0)
+    seen = expansion(analysis, 0, 0)
     assert seen.harmonics[seen.kept].tolist() == [-1, 0, 1]
     own = analysis.model.coefficients[0, 0, 0]
     assert np.abs(seen.values[seen.kept] - own) == pytest.approx(0.0, abs=6.0 * np.nanmax(seen.std))
@@ -268,7 +269,7 @@ def test_points_of_lifted_responses_are_where_the_record_is(found, odd, rig):
 def test_residues_of_a_record_that_begins_later_are_the_models(odd):
     """The cycles resampled begin whole periods after the model's phase zero; a wrong count turns the residues."""
     mode = views.families(odd)[0].mode
-    residue = views.identified_residue(odd, mode, 0)
+    residue = identified_residue(odd, mode, 0)
     shape = odd.model.shapes(odd.lifted.phase_times)[mode, 0, 0]
     assert np.abs(residue - shape).max() < 0.02 * np.abs(shape).max()
     assert odd.cycles[0].first_cycle > 0
@@ -409,7 +410,7 @@ def test_one_harmonic_does_not_tell():
 def test_nothing_writable_is_handed_out(found):
     for thing in (
         views.families(found)[0],
-        views.expansion(found, 0, 0),
+        expansion(found, 0, 0),
         views.synthesis(found, 0),
         views.synchronisation(found),
         views.record_spectrum(found, 0),
@@ -427,7 +428,7 @@ def test_nothing_writable_is_handed_out(found):
         (lambda a: views.synthesis(a, 4), "`channel` of `synthesis` must be less than 4"),
         (lambda a: views.synthesis(a, 0, 2), "`hit` of `synthesis` must be less than 2"),
         (lambda a: views.lifted_points(a, 4), "`channel` of `lifted_points` must be less than 4"),
-        (lambda a: views.expansion(a, 4, 0), "`mode` of"),
+        (lambda a: expansion(a, 4, 0), "`mode` of"),
         (lambda a: views.lifted_spectrum(a, 0, 20), "`phase` of `lifted_spectrum` must be less than 20"),
         (lambda a: views.record_spectrum(a, -1), "`channel` of `record_spectrum`"),
         (lambda a: views.shape_curves(a.model, 4), "`mode` of `shape_curves` must be less than 4"),
@@ -478,7 +479,7 @@ def test_two_modes_of_one_multiplier_have_a_residue_each(found):
     bare = replace(found.model, exponents=lam, estimates=None, unselected=None)
     modal = replace(found.modal, multipliers=np.where(found.modal.multipliers.imag > 0, mu[0], mu[1]))
     twice = with_decay(replace(found, model=bare), modal=modal)
-    one, other = (np.abs(views.identified_residue(twice, mode, 0)) for mode in (0, 2))
+    one, other = (np.abs(identified_residue(twice, mode, 0)) for mode in (0, 2))
     assert not np.allclose(one, other)
 
 
