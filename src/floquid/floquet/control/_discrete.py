@@ -143,26 +143,6 @@ class DiscretePeriodicSystem(Rebuilt):
         logs, shapes = product_shapes(self.A)
         return np.asarray(logs.real / self.period + 1j * (logs.imag / self.period), np.complex128), shapes
 
-    def simulate(self, inputs: ArrayLike, *, initial: ArrayLike | None = None, first_phase: int = 0) -> Floats:
-        """The outputs (outputs, samples) under a sequence of inputs.
-
-        `inputs` are u (inputs, samples), of a system without inputs `np.empty((0, samples))`, `initial` is the state at
-        the first sample (n,), zero by default, and `first_phase` the phase k of that sample, 0 to P - 1. Raises
-        InputError where a shape or the phase is not possible.
-        """
-        of = "DiscretePeriodicSystem.simulate"
-        given = frozen_array(inputs, "inputs", of, axes=(self.n_inputs, "samples"), remedy="Time is the last axis.")
-        start = np.zeros(self.n_states) if initial is None else initial
-        state = frozen_array(start, "initial", of, axes=(self.n_states,))
-        phases = (checked_phase(first_phase, self.n_phases, of) + np.arange(given.shape[1])) % self.n_phases
-        driven = np.einsum("kij,jk->ki", self.B[phases], given)
-        states = np.empty((len(phases), self.n_states))
-        for sample, phase in enumerate(phases.tolist()):
-            states[sample] = state
-            state = self.A[phase] @ state + driven[sample]
-        outputs = np.einsum("kij,kj->ik", self.C[phases], states)
-        return outputs + np.einsum("kij,jk->ik", self.D[phases], given)
-
 
 def discretise(system: PeriodicSystem, n_phases: int, *, tolerance: float = TOLERANCE) -> DiscretePeriodicSystem:
     r"""The discrete system of a continuous `system` whose input is held constant within each step.

@@ -134,23 +134,6 @@ class FloquetModes(Told, Drawn, Rebuilt):
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return self.coefficients @ np.exp(1j * self.fundamental * np.multiply.outer(self.harmonics, t))
 
-    def response(self, initial: ArrayLike, times: ArrayLike) -> Floats:
-        """The free response from x(0) = `initial` (states,) at `times` [s] (states, times).
-
-        Raises InputError where the modes are defective and span no response, or `initial` does not fit.
-        """
-        start = np.asarray(initial, dtype=np.float64)
-        if start.shape != (self.order,):
-            must = f"have shape ({self.order},)"
-            raise input_error("initial", "FloquetModes.response", must, f"has shape {start.shape}")
-        if self.defective:
-            must = "be a full set of modes"
-            raise input_error("self", "FloquetModes.response", must, "is defective", "Use `floquet.transition`.")
-        t = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        amounts = np.linalg.solve(self.shapes([0.0])[..., 0].T, start.astype(np.complex128))
-        grown = amounts[:, None] * np.exp(np.multiply.outer(self.exponents, t))
-        return np.einsum("rnt,rt->nt", self.shapes(t), grown).real
-
 
 @overload
 def modes(

@@ -51,14 +51,6 @@ def assert_same_set(found, expected, tolerance):
     assert distance[pairs].max() <= tolerance
 
 
-@pytest.mark.parametrize("first_phase", [0, 3])
-def test_simulation_is_the_recurrence(first_phase):
-    system, generator = random_discrete(0), np.random.default_rng(1)
-    inputs, initial = generator.normal(size=(2, 23)), generator.normal(size=3)
-    found = system.simulate(inputs, initial=initial, first_phase=first_phase)
-    assert found == pytest.approx(recurrence(system, inputs, initial, first_phase), abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("n_phases", "n", "n_inputs", "n_outputs", "first_phase"),
     [(5, 3, 2, 2, 0), (5, 3, 2, 1, 3), (1, 2, 1, 3, 0), (4, 1, 3, 2, 1), (2, 4, 1, 1, 1)],
@@ -68,7 +60,7 @@ def test_lifted_responses_are_the_periodic_ones(n_phases, n, n_inputs, n_outputs
     control = pytest.importorskip("control", reason="it is in the dependency group `peers`")
     system, generator = random_discrete(2, n_phases, n, n_inputs, n_outputs), np.random.default_rng(3)
     inputs, initial = generator.normal(size=(n_inputs, 6 * n_phases)), generator.normal(size=n)
-    expected = system.simulate(inputs, initial=initial, first_phase=first_phase)
+    expected = recurrence(system, inputs, initial, first_phase)
     lifted = lift(system, first_phase=first_phase)
     stacked = lifted.stack(inputs)
     _, by_scipy, _ = dlsim(lifted.to_scipy(), stacked.T, x0=initial)
@@ -152,11 +144,11 @@ def test_there_and_back_by_python_control(n_phases, n, n_inputs, n_outputs, firs
     assert_same_set(found.multipliers(), system.multipliers(), 1e-10)
     inputs = generator.normal(size=(n_inputs, 4 * n_phases))
     for phase in range(n_phases):
-        expected = system.simulate(inputs, first_phase=phase)
-        assert found.simulate(inputs, first_phase=phase) == pytest.approx(expected, abs=1e-10)
+        expected = recurrence(system, inputs, np.zeros(system.n_states), phase)
+        assert recurrence(found, inputs, np.zeros(found.n_states), phase) == pytest.approx(expected, abs=1e-10)
     initial = generator.normal(size=n)
-    expected = system.simulate(inputs, initial=turn @ initial, first_phase=first_phase)
-    assert found.simulate(inputs, initial=initial, first_phase=first_phase) == pytest.approx(expected, abs=1e-10)
+    expected = recurrence(system, inputs, turn @ initial, first_phase)
+    assert recurrence(found, inputs, initial, first_phase) == pytest.approx(expected, abs=1e-10)
     kept = realise(lifted, n_phases, first_phase=first_phase)
     assert (kept.inputs, kept.outputs) == (system.inputs, system.outputs)
 
@@ -171,7 +163,9 @@ def test_a_controller_designed_on_the_lifted_system_is_periodic_again():
     assert found.n_states == 2
     inputs = generator.normal(size=(3, 5))
     response = control.forced_response(lifted, inputs=inputs, squeeze=False)
-    assert found.simulate(inputs.T.reshape(1, -1)) == pytest.approx(response.outputs.T.reshape(1, -1), abs=1e-12)
+    assert recurrence(found, inputs.T.reshape(1, -1), np.zeros(found.n_states), 0) == pytest.approx(
+        response.outputs.T.reshape(1, -1), abs=1e-12
+    )
 
 
 def test_what_is_no_lifted_system_is_refused():
@@ -237,7 +231,7 @@ def test_discretisation_is_exact_for_a_held_input(kind):
     found = discretise(system, n_phases)
     generator = np.random.default_rng(0)
     inputs, state = generator.normal(size=(2, samples)), np.array([0.3, -1.0])
-    outputs = found.simulate(inputs, initial=state)
+    outputs = recurrence(found, inputs, state, 0)
     breaks = np.unique(np.concatenate([np.asarray(system.A.breaks), np.asarray(system.B.breaks)]))
     jumps = np.add.outer(system.period * np.arange(4), breaks).ravel()
     for k in range(samples):
@@ -294,7 +288,7 @@ def test_a_system_without_inputs():
     found = discretise(system, 4)
     assert found.B.shape == (4, 2, 0)
     start = np.array([1.0, -2.0])
-    free = found.simulate(np.empty((0, 9)), initial=start)
+    free = recurrence(found, np.empty((0, 9)), start, 0)
     assert free[:, 0].tolist() == start.tolist()
     assert free[:, 4] == pytest.approx(np.linalg.multi_dot(found.A[::-1]) @ start, abs=1e-12)
     lifted = lift(found)
@@ -322,11 +316,6 @@ def test_outputs_at_a_jump_are_those_after_it():
         (lambda: DiscretePeriodicSystem(A=np.ones((4, 2, 2)), B=np.ones((2, 1)), dt=1.0), r"\(4, 2, inputs\)"),
         (lambda: DiscretePeriodicSystem(A=np.ones((4, 2, 2)), C=np.ones((4, 1, 3)), dt=1.0), r"\(4, outputs, 2\)"),
         (lambda: DiscretePeriodicSystem(A=np.ones((4, 2, 2)), dt=-1.0), "`dt` of `DiscretePeriodicSystem` must be pos"),
-        (lambda: random_discrete(0).simulate(np.ones(5)), r"`inputs` of .*simulate` must have shape \(2, samples\)"),
-        (
-            lambda: random_discrete(0).simulate(np.ones((2, 5)), initial=[1.0]),
-            r"`initial` of .* must have shape \(3,\)",
-        ),
         (lambda: lift(random_discrete(0), first_phase=5), "`first_phase` of .* must be below the number of phases, 5"),
         (lambda: lift(random_discrete(0)).stack(np.ones((2, 7))), "must be whole periods of 5 samples, but hold 7"),
         (lambda: lift(random_discrete(0)).unstack(np.ones((2, 7))), r"must have shape \(10, steps\)"),

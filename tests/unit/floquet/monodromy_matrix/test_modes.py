@@ -65,15 +65,6 @@ def test_units_change_nothing_but_the_shapes_units(power):
     assert found / ratio == pytest.approx(plain.coefficients, abs=1e-9)
 
 
-def test_response_is_that_of_the_transition_matrix():
-    rotor, start = JeffcottRotor(), np.array([0.1, -0.3, 1.0, 0.4])
-    times = np.array([0.0, 0.4, 5.0, 40.0])
-    exact = floquet.transition(rotor.system, PERIOD, times) @ start
-    assert floquet.modes(rotor.system, PERIOD).response(start, times) == pytest.approx(exact.T, abs=1e-11)
-    with pytest.raises(InputError, match=r"`initial` of `FloquetModes.response` must have shape \(4,\)"):
-        floquet.modes(rotor.system, PERIOD).response([1.0], times)
-
-
 def test_real_negative_multipliers_are_on_the_upper_edge():
     truth = np.array([-0.3 + 0.5j, -0.7 + 0.5j])
     modes = floquet.modes(system_with_exponents(truth, PERIOD, seed=4))
@@ -101,8 +92,6 @@ def test_defective_systems_are_said_to_be(system):
     assert modes.outcome is ModesOutcome.DEFECTIVE
     assert "t e^{λt}" in modes.outcome.value
     assert modes.exponents.mean().real == pytest.approx(np.trace(system(0.0)) / 2.0, abs=1e-12)
-    with pytest.raises(InputError, match="must be a full set of modes"):
-        modes.response([1.0, 0.0], [0.0])
 
 
 def test_a_close_pair_is_no_defective_one():
