@@ -17,7 +17,6 @@ from floquid.core._modelled import (
     with_deviations,
 )
 from floquid.core._periodic_model import Identified, PeriodicModel
-from floquid.core._periodic_modes import Couple, PeriodicModes, couples_of
 from floquid.core._record import (
     BRIDGED,
     Cycles,
@@ -30,7 +29,7 @@ from floquid.core._record import (
     point_of,
     runs_of,
 )
-from floquid.core._shape import Shape
+from floquid.core._shape import Couple, PeriodicModes, Shape, couples_of
 
 __all__ = [
     "AzimuthSignal", "Branch", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "Identified",

@@ -15,9 +15,8 @@ from floquid._show import Drawings, Drawn
 from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
 from floquid.core._model_inputs import ModelInputs
-from floquid.core._periodic_modes import couples_of
 from floquid.core._record import Provenance, as_channels, as_point
-from floquid.core._shape import Shape, shape_of
+from floquid.core._shape import Shape, couples_of, shape_of
 from floquid.fit import WITHIN
 
 PRODUCT = 1e-9  # share of the first singular value below which the second is rounding: a shape times a state

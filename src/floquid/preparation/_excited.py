@@ -15,10 +15,9 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
 from floquid.fit import HALF_DIGITS, RARE
 from floquid.inputs import Hold, samples_of
-from floquid.preparation._before import faults_of
+from floquid.preparation._before import MOST_ABSENT, NO_RESPONSE, faults_of
 from floquid.preparation._clocks import check_states, clocks_of, refuse_no_clock, shafts_of
 from floquid.preparation._lines import Lines, Tone, tones_of
-from floquid.preparation._mended import MOST_ABSENT, NO_RESPONSE
 from floquid.preparation._refuse import LEAST, NAMED, refuse_period
 from floquid.preparation._settings import Settings
 from floquid.sync import ShaftAngle, refuse_unlike

@@ -10,7 +10,7 @@ from floquid._arrays import Floats
 from floquid._checks import wrong_value
 from floquid.core import Record
 from floquid.errors import IdentificationError
-from floquid.preparation._mended import NO_RESPONSE
+from floquid.preparation._before import NO_RESPONSE
 from floquid.preparation._settings import Settings
 
 PEAKED = 8.0  # the peak of a force over its rms below which it goes on: of a random one it is four, of a blow a hundred

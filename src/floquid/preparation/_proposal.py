@@ -14,9 +14,9 @@ import numpy as np
 from floquid._show import Brief
 from floquid.core import Channel, ConstantPeriod, Record
 from floquid.errors import FloquidError
+from floquid.preparation._before import NO_RESPONSE
 from floquid.preparation._clocks import clocked
 from floquid.preparation._forces import goes_on, is_random, is_white
-from floquid.preparation._mended import NO_RESPONSE
 from floquid.preparation._refuse import refuse_few, refuse_period, refuse_short
 from floquid.preparation._settings import Settings
 from floquid.readers import ClockCandidate

@@ -3,17 +3,20 @@
 Nothing here draws, and no plotting library is loaded.
 """
 
-from floquid.views._ellipses import (
+from floquid.views._expansion import ShapeCurves, closed_period, shape_curves
+from floquid.views._exponents import (
+    Family,
     ellipse,
+    end_of_lines,
     exponent_ellipses,
+    families,
     in_strip,
     magnitude_bands,
     multiplier_ellipses,
     phase_degrees,
     region_on_branch,
+    unfolded,
 )
-from floquid.views._expansion import ShapeCurves, closed_period, shape_curves
-from floquid.views._families import Family, end_of_lines, families, unfolded
 from floquid.views._mode_table import (
     DAMPING_WORDS,
     MODE_NOTES,

@@ -14,7 +14,7 @@ from floquid.core import PeriodicModel
 from floquid.fit import filter_gain, filtered
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
-from floquid.views._families import families
+from floquid.views._exponents import families
 from floquid.views._names import check_analysis
 from floquid.views._spectra import Response, response_of
 
