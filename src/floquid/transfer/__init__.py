@@ -6,10 +6,9 @@ its curvature penalised. `fit_transfer` fits modes to such lines, or to those th
 """
 
 from floquid.transfer._fit import TransferFit, fit_transfer
-from floquid.transfer._measured import MeasuredTransfer
+from floquid.transfer._measured import MeasuredTransfer, by_repeats, repeat_of
 from floquid.transfer._modal import Modal
 from floquid.transfer._multisine import Multisine, multisine
 from floquid.transfer._polynomials import CURVATURE, by_chirps, by_polynomials
-from floquid.transfer._repeats import by_repeats, repeat_of
 
 __all__ = ()

@@ -3,9 +3,10 @@
 Nothing here draws, and no plotting library is loaded.
 """
 
-from floquid.views._expansion import ShapeCurves, closed_period, shape_curves
 from floquid.views._exponents import (
     Family,
+    ShapeCurves,
+    closed_period,
     ellipse,
     end_of_lines,
     exponent_ellipses,
@@ -15,6 +16,7 @@ from floquid.views._exponents import (
     multiplier_ellipses,
     phase_degrees,
     region_on_branch,
+    shape_curves,
     unfolded,
 )
 from floquid.views._mode_table import (

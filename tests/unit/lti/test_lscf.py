@@ -17,7 +17,7 @@ from floquid.lti._era import hankel_covariance
 from floquid.lti._factor import factors
 from floquid.lti.rational import LSCF, PolyLSCF
 from floquid.lti.rational import _denominator as denominator
-from floquid.lti.rational import _lines as lines_module
+from floquid.lti.rational import _denominator as lines_module
 from floquid.lti.rational import _lscf as rational
 from floquid.lti.rational._denominator import Band, Basis, Equations
 from floquid.lti.rational._lscf import common, hankel

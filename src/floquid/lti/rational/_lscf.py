@@ -16,8 +16,18 @@ from floquid.lti._factor import Factor, energetic_length, energies, factors, is_
 from floquid.lti._poles import FASTEST, PoleSet
 from floquid.lti._significance import strongest
 from floquid.lti._types import AbstractIdentifier, ModalModel, Report, TimeResponses, given_order, reached, silent
-from floquid.lti.rational._denominator import Band, Basis, Denominators, Equations, stacked
-from floquid.lti.rational._lines import SMOOTH, Modes, Rows, chosen, model_on
+from floquid.lti.rational._denominator import (
+    SMOOTH,
+    Band,
+    Basis,
+    Denominators,
+    Equations,
+    Modes,
+    Rows,
+    chosen,
+    model_on,
+    stacked,
+)
 
 DEGREE = 128  # the roots of a denominator on all lines, if there are twice as many samples: their cost is its cube
 
