@@ -156,7 +156,7 @@ def estimate_period(
     longest, shortest = _bounds(records, longest, shortest)
     report("searching for lines")
     blocks = raw_blocks(records)
-    lines = find_lines(blocks, shortened=True, report=report)
+    lines = find_lines(blocks, report)
     damped, tones = lines.picked(~lines.undamped), lines.picked(lines.undamped)
     spacings = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
     findings, determined = _judgement(damped, tones, spacings)
@@ -252,7 +252,7 @@ def _refined(
     """The model with the period free, and the deviation of the period [s]."""
     blocks = tuple(block.with_noise(lines.noise[block.rows, block.hit]) for block in raw)
     groups = grouped(lines, best.fundamental, best.std)
-    average = averaged(lines, groups, best.fundamental, free=True)
+    average = averaged(lines, groups)
     most = max(int(np.ceil(np.pi * min(r.sample_rate for r in records) / best.fundamental - 1e-6)) - 1, 0)
     entries = entries_of(groups, average).joined(_free(tones, best.fundamental)).joined(beside(best.fundamental))
     solution, bands = _grown(blocks, replace(entries, free_period=True), len(groups), most)

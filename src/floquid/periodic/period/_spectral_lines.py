@@ -29,6 +29,7 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search import lines
 
+FALSE_ALARM = 1e-9  # the probability that noise alone makes the strongest of all lines that are looked for
 PIECES = 64  # pieces of a record whose power is looked at, to see where the response has died
 DEAD = 1.2  # power over that of the end of the record at which a piece is taken for noise
 ALIVE = 4.0  # power over that of the end that the first piece has where a record may be cut at all
@@ -100,17 +101,10 @@ def with_noise_left(blocks: Sequence[Block], solution: Solution) -> tuple[Block,
     return tuple(block.with_noise(noise[block.rows, block.hit]) for block in blocks)
 
 
-def find_lines(
-    blocks: Sequence[RecordBlock],
-    *,
-    shortened: bool = False,
-    false_alarm: float = 1e-9,
-    report: Callable[[str], None] = lambda _: None,
-) -> Lines:
-    """Lines found one after another in the spectrum of the residual, all fitted jointly."""
-    if shortened:
-        blocks = [_alive(block) for block in blocks]
-    point = lines(blocks, beside(_fundamental(blocks)), false_alarm, report)
+def find_lines(blocks: Sequence[RecordBlock], report: Callable[[str], None]) -> Lines:
+    """Lines found one after another in the spectrum of the residual, all fitted jointly, where the response lives."""
+    blocks = [_alive(block) for block in blocks]
+    point = lines(blocks, beside(_fundamental(blocks)), FALSE_ALARM, report)
     noisy = with_noise_left(point.blocks, point.solution)
     return _lines_of(noisy, solve(noisy, weighted(noisy, point.entries, point.solution.linear), hold=True))
 
@@ -135,20 +129,15 @@ def _alive(block: RecordBlock) -> RecordBlock:
     return replace(block, times=block.times[:end], values=block.values[:, :end])
 
 
-def _strengths(blocks: Sequence[Block], solution: Solution, *, relative: bool = False) -> tuple[Floats, int]:
-    """The norm of the amplitude of each line over the noise, or over its own deviation; and the responses seen."""
+def _strengths(blocks: Sequence[Block], solution: Solution) -> Floats:
+    """The norm of the amplitude of each line over the noise (lines,)."""
     both = shapes(blocks, solution)
     place = int(np.flatnonzero(both.harmonics == 0)[0])
-    free = ~solution.entries.fixed
-    values, std = both.coefficients[free][..., place], both.std[free][..., place]
-    if relative:
-        parts = [np.divide(v, s, out=np.zeros(v.shape), where=s > 0) for v, s in ((values.real, std.real),)]
-        parts.append(np.divide(values.imag, std.imag, out=np.zeros(values.shape), where=std.imag > 0))
-        return np.sqrt(sum(np.sum(part**2, axis=(1, 2)) for part in parts)), values[0].size if len(values) else 1
+    values = both.coefficients[~solution.entries.fixed][..., place]
     noise = np.full(values.shape[1:], np.inf)
     for block in blocks:
         noise[block.rows, block.hit] = block.noise
-    return np.sqrt(np.sum(np.abs(values / noise) ** 2, axis=(1, 2))), noise.size
+    return np.sqrt(np.sum(np.abs(values / noise) ** 2, axis=(1, 2)))
 
 
 def _lines_of(blocks: Sequence[Block], solution: Solution) -> Lines:
@@ -168,7 +157,7 @@ def _lines_of(blocks: Sequence[Block], solution: Solution) -> Lines:
         exponents=values.real + 1j * np.abs(values.imag),
         real=real,
         covariance=covariance * np.outer(signs, signs),
-        strength=_strengths(blocks, solution)[0],
+        strength=_strengths(blocks, solution),
         undamped=(np.abs(values.real) < DEVIATIONS * std) & (np.abs(values.real) * span < SLOW),
         noise=noise_left(blocks, solution),
     )
@@ -195,7 +184,7 @@ class Average:
     exponents: Complexes
     """λ of each group on the branch of its strongest line; of a real multiplier the decay alone (groups,)."""
     fundamental: float
-    covariance: Floats  # of the decays, of the frequencies of pairs, and of the fundamental where that was free
+    covariance: Floats  # of the decays, of the frequencies of pairs, and of the fundamental
     misfit: float  # a chi-square of `degrees` degrees of freedom
     degrees: int
     log_volume: float
@@ -244,23 +233,18 @@ def _distance(lines: Lines, seed: int, line: int, sign: int, fundamental: float,
     return turns, float((c * decay * decay - 2.0 * b * decay * turn + a * turn * turn) / determinant)
 
 
-def averaged(lines: Lines, groups: Sequence[Group], fundamental: float, *, free: bool) -> Average:
-    """The exponent of each family, and the fundamental [rad/s] where it is `free`: found from all the spacings, too."""
+def averaged(lines: Lines, groups: Sequence[Group]) -> Average:
+    """The exponent of each family, and the fundamental [rad/s], found from all the spacings."""
     n, families = len(lines.exponents), len(groups)
     pairs = [place for place, group in enumerate(groups) if group.half_turns is None]
-    design, known = np.zeros((2 * n, families + len(pairs))), np.zeros(2 * n)
-    turns = np.zeros(2 * n)
+    design = np.zeros((2 * n, families + len(pairs) + 1))
     for place, group in enumerate(groups):
         for line, sign, harmonic in zip(group.lines, group.signs, group.harmonics, strict=True):
             design[line, place] = 1.0
-            turns[n + line] = sign * harmonic + 0.5 * (group.half_turns or 0)
+            design[n + line, -1] = sign * harmonic + 0.5 * (group.half_turns or 0)
             if group.half_turns is None:
                 design[n + line, families + pairs.index(place)] = sign
-    if free:
-        design = np.concatenate([design, turns[:, None]], axis=1)
-    else:
-        known = turns * fundamental
-    seen = np.concatenate([lines.exponents.real, lines.exponents.imag]) - known
+    seen = np.concatenate([lines.exponents.real, lines.exponents.imag])
     kept = np.diag(lines.covariance) > 0
     # A line at rest says that its family is at rest there, exactly: no number of its own.
     scale = np.sqrt(np.diag(lines.covariance)[kept])
@@ -276,7 +260,7 @@ def averaged(lines: Lines, groups: Sequence[Group], fundamental: float, *, free:
     volume = -float(np.sum(np.log(sizes[:rank]))) - float(np.sum(np.log(np.diag(white)))) - float(np.sum(np.log(scale)))
     return Average(
         exponents=exponents,
-        fundamental=float(value[-1]) if free else fundamental,
+        fundamental=float(value[-1]),
         covariance=inverse @ inverse.T,
         misfit=float(residual @ residual),
         degrees=degrees,
