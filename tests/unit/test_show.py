@@ -144,5 +144,5 @@ def test_the_figures_are_those_of_plot(results):
             assert method.__doc__ == function.__doc__
     assert len(found.plot.spectra(channels=["X"], angular=True).axes) >= 2
     assert results["scan"].plot.stabilisation(chosen=4).axes
-    with pytest.raises(AttributeError, match="this Analysis has no figure 'stabilisation'; those it has: coeff"):
+    with pytest.raises(AttributeError, match="this Analysis has no figure 'stabilisation'; those it has: compo"):
         found.plot.stabilisation()
