@@ -84,6 +84,22 @@ def test_modes_solve_the_equation(n, spread, seed):
     assert worst(modes.exponents, truth) < 1e-9
 
 
+@LAWS
+@given(st.integers(2, 5), st.sampled_from([1e-1, 1e-8, 1e-20]), st.integers(0, 2**32 - 1))
+def test_lyapunov_transform_is_periodic_and_makes_the_system_constant(n, spread, seed):
+    truth = chosen(n, spread, seed)
+    system = system_with_exponents(truth, PERIOD, seed=seed)
+    found = floquet.floquet_lyapunov(system, n_phases=128)
+    lines = np.fft.fft(found.transform, axis=0)
+    orders = np.fft.fftfreq(len(lines), 1.0 / len(lines))[:, None, None]
+    rate = np.fft.ifft(2j * np.pi / found.period * orders * lines, axis=0).real
+    residual = rate + found.transform @ found.constant - system(found.times) @ found.transform
+    columns = np.abs(found.transform).max(axis=(0, 1))
+    assert np.abs(residual / columns).max() < 1e-6 * (1.0 + np.abs(found.constant).max())
+    negative = (np.abs(truth.imag) > 0.49 * FUNDAMENTAL).any()
+    assert found.period == pytest.approx(2 * PERIOD if negative else PERIOD)
+
+
 @pytest.mark.parametrize(
     ("exponents", "message"),
     [

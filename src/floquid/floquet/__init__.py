@@ -35,12 +35,14 @@ from floquid.floquet.matrices import (
     StateMatrix,
 )
 from floquid.floquet.monodromy_matrix import (
+    FloquetLyapunov,
     FloquetModes,
     ModesOutcome,
     Stability,
     Verdict,
     compare,
     exponents,
+    floquet_lyapunov,
     modes,
     monodromy,
     multiplier_is_real,
@@ -53,11 +55,11 @@ from floquid.floquet.monodromy_matrix import (
 from floquid.floquet.stability_maps import Instability, StabilityMap, stability_map
 
 __all__ = [
-    "AbstractPeriodicMatrix", "AzimuthResolution", "AzimuthRole", "DiscretePeriodicSystem", "FloquetModes",
-    "FunctionMatrix", "HarmonicMatrix", "HarmonicTransfer", "HillModes", "HillOutcome", "Instability", "LiftedSystem",
-    "LinFile", "LinSignals", "MatrixFile", "ModesOutcome", "OpenFastLinearisation", "PeriodicSystem", "PiecewiseMatrix",
-    "SampledMatrix", "Stability", "StabilityMap", "StateMatrix", "Verdict", "compare", "discretise", "exponents",
-    "harmonic_transfer", "hill", "lift", "modes", "monodromy", "multiplier_is_real", "multipliers", "read_lin",
-    "read_matrix", "read_openfast", "realise", "simulate", "stability", "stability_map", "state_participation",
-    "transition", "upper_modes",
+    "AbstractPeriodicMatrix", "AzimuthResolution", "AzimuthRole", "DiscretePeriodicSystem", "FloquetLyapunov",
+    "FloquetModes", "FunctionMatrix", "HarmonicMatrix", "HarmonicTransfer", "HillModes", "HillOutcome", "Instability",
+    "LiftedSystem", "LinFile", "LinSignals", "MatrixFile", "ModesOutcome", "OpenFastLinearisation", "PeriodicSystem",
+    "PiecewiseMatrix", "SampledMatrix", "Stability", "StabilityMap", "StateMatrix", "Verdict", "compare", "discretise",
+    "exponents", "floquet_lyapunov", "harmonic_transfer", "hill", "lift", "modes", "monodromy", "multiplier_is_real",
+    "multipliers", "read_lin", "read_matrix", "read_openfast", "realise", "simulate", "stability", "stability_map",
+    "state_participation", "transition", "upper_modes",
 ]  # fmt: skip

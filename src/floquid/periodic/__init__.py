@@ -10,7 +10,7 @@ from floquid.periodic._special_fits import estimate_at, fit_shapes, steady_perio
 from floquid.periodic._start import Known, distinct_multipliers, generous_poles, groups, held_shapes, without_known
 from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands, strongest_branch
 from floquid.periodic.least_squares import ModeParameters, followed
-from floquid.periodic.period import PeriodCandidate, PeriodEstimate, estimate_period
+from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse
 from floquid.periodic.search import combinations_of
 from floquid.periodic.significance import (
     TURNED,
@@ -29,9 +29,9 @@ CONFIDENT = 2e-3
 not may stand for several."""
 
 __all__ = [
-    "CONFIDENT", "TURNED", "Fit", "ForcedResponse", "Known", "ModeParameters", "OrderError", "PartialTests",
-    "PeriodCandidate", "PeriodEstimate", "Periodicity", "Synchrony", "assemble", "combinations_of",
-    "distinct_multipliers", "drift", "estimate_at", "estimate_period", "fit", "fit_shapes", "followed",
+    "CONFIDENT", "FSE", "TURNED", "Family", "Fit", "ForcedResponse", "Known", "ModeParameters", "OrderError",
+    "PartialTests", "PeriodCandidate", "PeriodEstimate", "Periodicity", "Synchrony", "assemble", "combinations_of",
+    "distinct_multipliers", "drift", "estimate_at", "estimate_period", "fit", "fit_shapes", "followed", "fse",
     "generous_poles", "groups", "held_shapes", "instants", "line_amplitudes", "on_a_mode", "own_period",
     "participation", "periodicity", "physical_exponents", "refit", "select_bands", "spacing", "steady_period",
     "synchrony", "unexplained", "without_known", "without_lines",

@@ -39,7 +39,7 @@ class ModesOutcome(Enum):
     FULL = "the modes are a full set"
     DEFECTIVE = (
         "some exponents may be multiple and share a shape (see `defective`). Their mean is right; each alone only to "
-        "the root of the tolerance. The response has terms t e^{λt}, which no set of shapes holds"
+        "the root of the tolerance. The response has terms t e^{λt}: use `floquet_lyapunov`, which needs no full set"
     )
 
 

@@ -1,3 +1,4 @@
-"""The period from the response: lines of its spectrum, and their families."""
+"""The period from the response: lines of its spectrum, their families, and the FSE view."""
 
 from floquid.periodic.period._estimate_period import PeriodCandidate, PeriodEstimate, estimate_period
+from floquid.periodic.period._fse import FSE, Family, fse

@@ -14,18 +14,9 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.fit import ROUNDS, SIGNIFICANT
 from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
+from floquid.periodic.period._fse import averaged, entries_of, grouped, model_at
 from floquid.periodic.period._fundamental_candidates import OrbitLines, Spacing, orbit_of, spacings_of
-from floquid.periodic.period._spectral_lines import (
-    Lines,
-    averaged,
-    beside,
-    entries_of,
-    find_lines,
-    grouped,
-    model_at,
-    raw_blocks,
-    with_noise_left,
-)
+from floquid.periodic.period._spectral_lines import Lines, beside, find_lines, raw_blocks, with_noise_left
 
 CERTAIN = float(np.log(1e2))  # the odds of a fundamental against chance from which on it counts as seen, as a logarithm
 DISTINCT = float(np.log(10.0))  # the odds of a fundamental against another one
@@ -156,7 +147,7 @@ def estimate_period(
     longest, shortest = _bounds(records, longest, shortest)
     report("searching for lines")
     blocks = raw_blocks(records)
-    lines = find_lines(blocks, report)
+    lines = find_lines(blocks, shortened=True, report=report)
     damped, tones = lines.picked(~lines.undamped), lines.picked(lines.undamped)
     spacings = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
     findings, determined = _judgement(damped, tones, spacings)
@@ -252,7 +243,7 @@ def _refined(
     """The model with the period free, and the deviation of the period [s]."""
     blocks = tuple(block.with_noise(lines.noise[block.rows, block.hit]) for block in raw)
     groups = grouped(lines, best.fundamental, best.std)
-    average = averaged(lines, groups)
+    average = averaged(lines, groups, best.fundamental, free=True)
     most = max(int(np.ceil(np.pi * min(r.sample_rate for r in records) / best.fundamental - 1e-6)) - 1, 0)
     entries = entries_of(groups, average).joined(_free(tones, best.fundamental)).joined(beside(best.fundamental))
     solution, bands = _grown(blocks, replace(entries, free_period=True), len(groups), most)

@@ -13,7 +13,8 @@ from floquid._arrays import Floats, Integers
 from floquid.errors import IdentificationError
 from floquid.fit import DEVIATIONS, EVIDENT, SLOW, SURE, chi2_limit
 from floquid.periodic.least_squares import RecordBlock, forced_entries, linearise, solve
-from floquid.periodic.period._spectral_lines import Group, Lines, averaged, beside, grouped, with_noise_left
+from floquid.periodic.period._fse import Group, averaged, grouped
+from floquid.periodic.period._spectral_lines import Lines, beside, with_noise_left
 
 PARTS = 12  # a spacing, or a line of an orbit, is taken for this many fundamentals at most
 
@@ -64,7 +65,7 @@ def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[S
         groups = grouped(lines, float(value), float(np.sqrt(variance)))
         key = tuple(replace(group, half_turns=None) for group in groups)
         if key not in judged:
-            judged[key] = _judged(lines, tones, key, float(np.log(most / least)))
+            judged[key] = _judged(lines, tones, key, float(value), float(np.log(most / least)))
     kept = [spacing for spacing in judged.values() if spacing is not None and least <= spacing.fundamental <= most]
     return sorted(kept, key=lambda spacing: -spacing.evidence)
 
@@ -88,14 +89,14 @@ def _fundamentals(lines: Lines, least: float, most: float) -> tuple[Floats, Floa
     return np.array(values), np.array(variances)
 
 
-def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], range_: float) -> Spacing | None:
-    """Evidence for families of lines and their spacing; None where there is no family."""
+def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], fundamental: float, range_: float) -> Spacing | None:
+    """Evidence for families of lines spaced by about a fundamental; None where there is no family."""
     n = len(lines.exponents)
     merged = [(group, line) for group in groups for line in group.lines[1:]]
     if not merged:
         return None
     try:
-        average = averaged(lines, groups)
+        average = averaged(lines, groups, fundamental, free=True)
     except np.linalg.LinAlgError:
         return None  # lines that the record cannot tell apart
     omega = average.fundamental
@@ -110,7 +111,7 @@ def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], range_: float
     turning = lines.covariance.copy()
     turning[:n] = 0.0
     turning[:, :n] = 0.0
-    alone = averaged(replace(lines, covariance=turning), groups)
+    alone = averaged(replace(lines, covariance=turning), groups, fundamental, free=True)
     return Spacing(
         fundamental=omega,
         std=spread,

@@ -1,4 +1,4 @@
-"""Lines of the spectrum of a response, and their families: λ + imω of one mode, and their average."""
+"""The lines of records: their responses as those of one LTI system, each exponential alone (Allen 2009, eq. 12)."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid.core import ConstantPeriod, PeriodicModel, Provenance, Record
-from floquid.fit import DEVIATIONS, SLOW, SURE, chi2_limit
+from floquid._arrays import Complexes, Floats, Mask
+from floquid._checks import input_error
+from floquid.core import ConstantPeriod, Record
+from floquid.errors import IdentificationError
+from floquid.findings import failure
+from floquid.fit import DEVIATIONS, SLOW, chi2_limit
+from floquid.lti import AbstractIdentifier, TimeResponses
 from floquid.periodic.least_squares import (
     TREND,
     Block,
@@ -20,16 +24,15 @@ from floquid.periodic.least_squares import (
     Solution,
     forced_entries,
     linearise,
-    model_of,
     noise_left,
     record_blocks,
+    residuals_of,
     shapes,
     solve,
     weighted,
 )
 from floquid.periodic.search import lines
 
-FALSE_ALARM = 1e-9  # the probability that noise alone makes the strongest of all lines that are looked for
 PIECES = 64  # pieces of a record whose power is looked at, to see where the response has died
 DEAD = 1.2  # power over that of the end of the record at which a piece is taken for noise
 ALIVE = 4.0  # power over that of the end that the first piece has where a record may be cut at all
@@ -101,12 +104,80 @@ def with_noise_left(blocks: Sequence[Block], solution: Solution) -> tuple[Block,
     return tuple(block.with_noise(noise[block.rows, block.hit]) for block in blocks)
 
 
-def find_lines(blocks: Sequence[RecordBlock], report: Callable[[str], None]) -> Lines:
-    """Lines found one after another in the spectrum of the residual, all fitted jointly, where the response lives."""
-    blocks = [_alive(block) for block in blocks]
-    point = lines(blocks, beside(_fundamental(blocks)), FALSE_ALARM, report)
+def find_lines(
+    blocks: Sequence[RecordBlock],
+    *,
+    shortened: bool = False,
+    false_alarm: float = 1e-9,
+    report: Callable[[str], None] = lambda _: None,
+) -> Lines:
+    """Lines found one after another in the spectrum of the residual, all fitted jointly."""
+    if shortened:
+        blocks = [_alive(block) for block in blocks]
+    point = lines(blocks, beside(_fundamental(blocks)), false_alarm, report)
     noisy = with_noise_left(point.blocks, point.solution)
     return _lines_of(noisy, solve(noisy, weighted(noisy, point.entries, point.solution.linear), hold=True))
+
+
+def lines_by(
+    identifier: AbstractIdentifier,
+    records: Sequence[Record],
+    blocks: Sequence[RecordBlock],
+    *,
+    order: int | None,
+    false_alarm: float = 1e-9,
+    report: Callable[[str], None] = lambda _: None,
+) -> Lines:
+    """Lines by an identifier of LTI systems; one without covariance starts the least squares of its poles."""
+    if any(np.isnan(r.values).any() for r in records) or len({r.sample_rate for r in records}) > 1:
+        must = "have all samples, at one rate, with an `identifier`"
+        raise input_error("records", "fse", must, "they do not", "Leave `identifier` out: the search copes with that.")
+    fundamental = _fundamental(blocks)
+    base = beside(fundamental)
+    lengths = np.array([r.n_samples for r in records])
+    values = np.zeros((records[0].n_channels, len(records), int(lengths.max())))
+    noise = np.ones(values.shape[:2])
+    for block, residual in zip(blocks, residuals_of(blocks, linearise(blocks, base)), strict=True):
+        values[block.rows, block.hit, : block.n_samples] = block.values
+        noise[block.rows, block.hit] = np.maximum(residual.noise, np.finfo(float).tiny)
+    data = TimeResponses(values=values, dt=1.0 / records[0].sample_rate, noise=noise, lengths=lengths)
+    model = identifier.extract(identifier.prepare(data), order, report=report)
+    poles = model.poles
+    upper = np.flatnonzero((poles.imag > 0) | (model.multipliers.imag == 0) & (model.multipliers.real > 0))
+    upper = upper[poles[upper].imag < np.pi / data.dt * (1.0 - 1e-9)]
+    if not len(upper):
+        raise IdentificationError(
+            f"Identification ended without a result: {type(identifier).__name__} finds no pole: "
+            f"{failure(model.outcome.value).clause}."
+        )
+    real = poles[upper].imag == 0
+    entries = ModeParameters.made(
+        np.where(real, poles[upper].real, poles[upper]), (0, 0), fundamental, real=real
+    ).joined(base)
+    noisy = tuple(block.with_noise(noise[block.rows, block.hit]) for block in blocks)
+    if model.covariance is None:
+        solution = _clear(noisy, entries, false_alarm)
+        return _lines_of(with_noise_left(noisy, solution), solution)
+    solution = linearise(noisy, entries)
+    both = np.concatenate([upper, upper + model.order])
+    return replace(
+        _lines_of(with_noise_left(noisy, solution), solution), covariance=model.covariance[np.ix_(both, both)]
+    )
+
+
+def _clear(blocks: Sequence[Block], entries: ModeParameters, false_alarm: float) -> Solution:
+    """The least squares without lines that noise explains, or that run away: a routine of fixed order has some."""
+    while True:
+        free = np.flatnonzero(~entries.fixed)
+        try:
+            solution, ran_away = solve(blocks, entries), False
+        except IdentificationError:
+            solution, ran_away = linearise(blocks, entries), True
+        noisy = with_noise_left(blocks, solution)
+        size, responses = _strengths(noisy, linearise(noisy, solution.entries), relative=True)
+        if not len(free) or not (ran_away or size.min() ** 2 < chi2_limit(2 * responses + 2, false_alarm)):
+            return solution
+        entries = solution.entries.picked(np.delete(np.arange(len(entries.exponents)), free[np.argmin(size)]))
 
 
 def _fundamental(blocks: Sequence[RecordBlock]) -> float:
@@ -129,15 +200,20 @@ def _alive(block: RecordBlock) -> RecordBlock:
     return replace(block, times=block.times[:end], values=block.values[:, :end])
 
 
-def _strengths(blocks: Sequence[Block], solution: Solution) -> Floats:
-    """The norm of the amplitude of each line over the noise (lines,)."""
+def _strengths(blocks: Sequence[Block], solution: Solution, *, relative: bool = False) -> tuple[Floats, int]:
+    """The norm of the amplitude of each line over the noise, or over its own deviation; and the responses seen."""
     both = shapes(blocks, solution)
     place = int(np.flatnonzero(both.harmonics == 0)[0])
-    values = both.coefficients[~solution.entries.fixed][..., place]
+    free = ~solution.entries.fixed
+    values, std = both.coefficients[free][..., place], both.std[free][..., place]
+    if relative:
+        parts = [np.divide(v, s, out=np.zeros(v.shape), where=s > 0) for v, s in ((values.real, std.real),)]
+        parts.append(np.divide(values.imag, std.imag, out=np.zeros(values.shape), where=std.imag > 0))
+        return np.sqrt(sum(np.sum(part**2, axis=(1, 2)) for part in parts)), values[0].size if len(values) else 1
     noise = np.full(values.shape[1:], np.inf)
     for block in blocks:
         noise[block.rows, block.hit] = block.noise
-    return np.sqrt(np.sum(np.abs(values / noise) ** 2, axis=(1, 2)))
+    return np.sqrt(np.sum(np.abs(values / noise) ** 2, axis=(1, 2))), noise.size
 
 
 def _lines_of(blocks: Sequence[Block], solution: Solution) -> Lines:
@@ -157,152 +233,7 @@ def _lines_of(blocks: Sequence[Block], solution: Solution) -> Lines:
         exponents=values.real + 1j * np.abs(values.imag),
         real=real,
         covariance=covariance * np.outer(signs, signs),
-        strength=_strengths(blocks, solution),
+        strength=_strengths(blocks, solution)[0],
         undamped=(np.abs(values.real) < DEVIATIONS * std) & (np.abs(values.real) * span < SLOW),
         noise=noise_left(blocks, solution),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Group:
-    """Lines of one mode: which, on which half of the plane, and at which harmonic; the strongest is the first."""
-
-    lines: tuple[int, ...]
-    signs: tuple[int, ...]
-    harmonics: tuple[int, ...]
-    half_turns: int | None = None  # κ where the multiplier is real, its lines being at (m + κ/2)ω; else None
-
-    def joined(self, line: int, sign: int, harmonic: int) -> Group:
-        """With one more line."""
-        return Group((*self.lines, line), (*self.signs, sign), (*self.harmonics, harmonic), half_turns=self.half_turns)
-
-
-@dataclass(frozen=True, slots=True)
-class Average:
-    """Modes from the lines of each, by least squares with the inverse covariance as weight."""
-
-    exponents: Complexes
-    """λ of each group on the branch of its strongest line; of a real multiplier the decay alone (groups,)."""
-    fundamental: float
-    covariance: Floats  # of the decays, of the frequencies of pairs, and of the fundamental
-    misfit: float  # a chi-square of `degrees` degrees of freedom
-    degrees: int
-    log_volume: float
-    """ln of √(|cov θ|/|cov lines|)/√(2π)^degrees: the density of the lines at the average, less the misfit."""
-
-
-def grouped(lines: Lines, fundamental: float, std: float = 0.0) -> list[Group]:
-    """Families of lines, the strongest first: each line with the family that it is nearest to at ω ± `std` [rad/s]."""
-    limit = chi2_limit(2, SURE)
-    groups: list[Group] = []
-    for line in np.argsort(-lines.strength, kind="stable"):
-        best, least = None, limit
-        for place, group in enumerate(groups):
-            for sign in (1, -1) if group.half_turns is None else (1,):
-                harmonic, distance = _distance(lines, group.lines[0], int(line), sign, fundamental, std)
-                if distance < least and harmonic not in group.harmonics:
-                    best, least = (place, sign, harmonic), distance
-        if best is None:
-            half = _half_turns(lines, int(line), fundamental, std)
-            groups.append(Group((int(line),), (1,), (0,), half_turns=half))
-        else:
-            groups[best[0]] = groups[best[0]].joined(int(line), best[1], best[2])
-    return groups
-
-
-def _half_turns(lines: Lines, line: int, fundamental: float, std: float) -> int | None:
-    """κ where a line is at κω/2 within its deviation; else None."""
-    value = lines.exponents[line].imag
-    half = round(2.0 * value / fundamental)
-    off = abs(value - 0.5 * half * fundamental)
-    return half if off <= DEVIATIONS * float(np.hypot(lines.std[line].imag, 0.5 * half * std)) else None
-
-
-def _distance(lines: Lines, seed: int, line: int, sign: int, fundamental: float, std: float) -> tuple[int, float]:
-    """The harmonic that a line would be, and the chi-square of its distance from there."""
-    n, cov = len(lines.exponents), lines.covariance
-    first, second = lines.exponents[seed], lines.exponents[line]
-    turns = round((sign * second.imag - first.imag) / fundamental)
-    decay, turn = second.real - first.real, sign * second.imag - first.imag - turns * fundamental
-    a = cov[seed, seed] + cov[line, line] - 2.0 * cov[seed, line]
-    c = cov[n + seed, n + seed] + cov[n + line, n + line] - 2.0 * sign * cov[n + seed, n + line] + (turns * std) ** 2
-    b = cov[seed, n + seed] + sign * cov[line, n + line] - sign * cov[seed, n + line] - cov[line, n + seed]
-    determinant = a * c - b * b
-    if not determinant > 0.0:
-        return turns, np.inf
-    return turns, float((c * decay * decay - 2.0 * b * decay * turn + a * turn * turn) / determinant)
-
-
-def averaged(lines: Lines, groups: Sequence[Group]) -> Average:
-    """The exponent of each family, and the fundamental [rad/s], found from all the spacings."""
-    n, families = len(lines.exponents), len(groups)
-    pairs = [place for place, group in enumerate(groups) if group.half_turns is None]
-    design = np.zeros((2 * n, families + len(pairs) + 1))
-    for place, group in enumerate(groups):
-        for line, sign, harmonic in zip(group.lines, group.signs, group.harmonics, strict=True):
-            design[line, place] = 1.0
-            design[n + line, -1] = sign * harmonic + 0.5 * (group.half_turns or 0)
-            if group.half_turns is None:
-                design[n + line, families + pairs.index(place)] = sign
-    seen = np.concatenate([lines.exponents.real, lines.exponents.imag])
-    kept = np.diag(lines.covariance) > 0
-    # A line at rest says that its family is at rest there, exactly: no number of its own.
-    scale = np.sqrt(np.diag(lines.covariance)[kept])
-    white = np.linalg.cholesky(lines.covariance[np.ix_(kept, kept)] / np.outer(scale, scale))
-    rows = np.linalg.solve(white, design[kept] / scale[:, None])
-    data = np.linalg.solve(white, seen[kept] / scale)
-    value, _, rank, sizes = np.linalg.lstsq(rows, data, rcond=1e-12)
-    inverse = np.linalg.pinv(rows, rcond=1e-12)
-    residual = data - rows @ value
-    exponents = value[:families].astype(complex)
-    exponents[pairs] += 1j * value[families : families + len(pairs)]
-    degrees = int(kept.sum()) - int(rank)
-    volume = -float(np.sum(np.log(sizes[:rank]))) - float(np.sum(np.log(np.diag(white)))) - float(np.sum(np.log(scale)))
-    return Average(
-        exponents=exponents,
-        fundamental=float(value[-1]),
-        covariance=inverse @ inverse.T,
-        misfit=float(residual @ residual),
-        degrees=degrees,
-        log_volume=volume - 0.5 * degrees * float(np.log(2.0 * np.pi)),
-    )
-
-
-def entries_of(groups: Sequence[Group], average: Average) -> ModeParameters:
-    """The families as entries of a fit, with the harmonics from the lowest to the highest seen."""
-    half = [group.half_turns for group in groups]
-    bands = [
-        (min(group.harmonics) if k is None else -(k // 2) - k % 2, max(group.harmonics))
-        for group, k in zip(groups, half, strict=True)
-    ]
-    return ModeParameters.made(
-        average.exponents,
-        bands,
-        average.fundamental,
-        real=[k is not None for k in half],
-        offsets=[0.5 * (k or 0) for k in half],
-    )
-
-
-def model_at(
-    records: Sequence[Record],
-    raw: Sequence[RecordBlock],
-    entries: ModeParameters,
-    covariance: Floats,
-    others: Complexes,
-    bands: Integers,
-    noise: Floats,
-) -> PeriodicModel:
-    """The periodic model of modes whose exponents and their covariance are known, its amplitudes by least squares."""
-    omega = entries.fundamental
-    both = entries.joined(ModeParameters.made(others, (0, 0), omega, real=others.imag == 0.0, fixed=True)).joined(
-        beside(omega)
-    )
-    blocks = after_phase_zero(raw, records, 2.0 * np.pi / omega)
-    blocks = tuple(block.with_noise(noise[block.rows, block.hit]) for block in blocks)
-    scale = np.sqrt(np.diag(covariance))
-    information = np.linalg.inv(covariance / np.outer(scale, scale)) / np.outer(scale, scale)
-    solution = replace(linearise(blocks, both), information=information, gauss_newton=information)
-    kept = np.concatenate([bands, both.bands[len(bands) :]])
-    provenance = Provenance.merge(tuple(record.provenance for record in records))
-    return model_of(blocks, solution, kept, channels=records[0].channels, provenance=provenance, most=None)

@@ -90,7 +90,7 @@ def test_defective_systems_are_said_to_be(system):
     modes = floquet.modes(system, PERIOD)
     assert modes.defective == ((0, 1),)
     assert modes.outcome is ModesOutcome.DEFECTIVE
-    assert "t e^{λt}" in modes.outcome.value
+    assert "lyapunov" in modes.outcome.value
     assert modes.exponents.mean().real == pytest.approx(np.trace(system(0.0)) / 2.0, abs=1e-12)
 
 
@@ -134,7 +134,7 @@ def test_few_phases_may_be_asked_for():
         floquet.modes(JeffcottRotor().system, PERIOD, n_phases=4)
 
 
-@pytest.mark.parametrize("call", [floquet.exponents, floquet.modes])
+@pytest.mark.parametrize("call", [floquet.exponents, floquet.modes, floquet.floquet_lyapunov])
 def test_exponents_that_miss_the_mean_trace_are_refused(call, monkeypatch):
     """As if the eigenvalue solver had lost one."""
     whole, carried = _periodic_schur.logarithms, _periodic_schur.modes
@@ -146,6 +146,16 @@ def test_exponents_that_miss_the_mean_trace_are_refused(call, monkeypatch):
     monkeypatch.setattr(_periodic_schur, "modes", lambda form: carried(form)._replace(logarithms=lost(form)))
     with pytest.raises(InputError, match=r"where the mean trace of A"):
         call(lambda t: [[-0.1, 1.0], [-1.0 - np.cos(t), -0.1]], PERIOD)
+
+
+def test_lyapunov_transform_of_a_defective_system():
+    def system(t):
+        return np.array([[-0.1, 1.0 + np.cos(t)], [0.0, -0.1]])
+
+    found = floquet.floquet_lyapunov(system, PERIOD, n_phases=16)
+    assert found.constant @ found.constant + 0.2 * found.constant == pytest.approx(-0.01 * np.eye(2), abs=1e-13)
+    assert np.abs(found.constant + 0.1 * np.eye(2)).max() > 0.01
+    assert found.times == pytest.approx(PERIOD * np.arange(16) / 16)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
@@ -253,6 +263,15 @@ def test_samples_with_the_end_repeated_are_refused():
 def test_a_wrong_period_of_a_small_entry_is_refused():
     with pytest.raises(InputError, match="must be a period of A"):
         floquet.exponents(lambda t: [[0.0, 1.0], [-1e8, -0.3 * (1.0 + 0.9 * np.cos(700.0 * t))]], PERIOD / 1e3)
+
+
+def test_lyapunov_transform_of_a_double_multiplier_of_minus_one():
+    """Rounding makes a complex pair of it."""
+    a, q = mathieu_a(1, 0.7), 0.7
+    found = floquet.floquet_lyapunov(lambda t: [[0.0, 1.0], [2 * q * np.cos(2 * t) - a, 0.0]], np.pi)
+    assert found.period == pytest.approx(2 * np.pi)
+    assert np.linalg.cond(found.transform).max() < 1e3
+    assert np.abs(found.constant).max() < 10.0
 
 
 def test_negative_multipliers_that_rounding_turns_stay_on_the_upper_edge():
