@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.paper._residues import identified_residue
 from tests.several_hits import Hits
 
 from floquid import identify
@@ -14,7 +15,6 @@ from floquid.periodic.least_squares._estimates import estimates_of_shapes
 from floquid.periodic.search._one_shape import narrowed
 from floquid.pipeline.free._starts import lasting
 from floquid.testing import pair_exponents
-from floquid.views import identified_residue
 
 PAIRS = [-0.2 + 2.1j, -0.35 + 4.0j]
 
