@@ -335,7 +335,7 @@ def test_figure_2_has_inset_and_circles(drawn):
 
 @pytest.mark.parametrize(("number", "names"), [(3, ("X", "Y")), (4, ("X_tt", "Y_tt"))])
 def test_figures_3_and_4_are_in_rad_a_second_at_the_papers_angles(drawn, number, names):
-    upper, lower, strip = drawn[number].figure.axes
+    upper, strip, lower = drawn[number].figure.axes
     assert strip.get_xlabel() == "frequency [rad/s]"
     assert strip.get_xlim() == upper.get_xlim()
     assert lower.get_xlim() == pytest.approx((0.0, 0.5))

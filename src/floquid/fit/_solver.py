@@ -17,7 +17,7 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Floats, Mask
 from floquid._checks import Rebuilt
 from floquid.fit._algebra import ROUNDING, directions, unit_scale
 
@@ -53,6 +53,10 @@ class Normal(Rebuilt):
     # The scale of each parameter, infinite of one that stays (parameters,); None for the root of the diagonal
     given: Floats | None = None
     least: float = ROUNDING  # The share of the largest eigenvalue below which a direction is rounding
+    # What secants have added to a matrix whose directions are known: W C Wᵀ, with W in these (directions, changes)
+    known: tuple[Floats, Floats] | None = None
+    changes: Floats | None = None
+    weights: Floats | None = None  # C (changes,)
 
     @cached_property
     def scale(self) -> Floats:
@@ -62,17 +66,27 @@ class Normal(Rebuilt):
     @cached_property
     def directions(self) -> tuple[Floats, Floats]:
         """Eigenvalues and eigenvectors of the scaled matrix, without rounding; none if it overflowed."""
-        return directions(self.matrix, self.least, scale=self.scale)
+        return self.known or directions(self.matrix, self.least, scale=self.scale)
+
+    def _solved(self, damping: float, along: Floats) -> Floats:
+        """The inverse of the damped matrix times some columns, in its directions (directions, columns)."""
+        # An inverse takes up a few changes without another decomposition (Woodbury 1950).
+        values = (self.directions[0] + damping)[:, None]
+        if self.changes is None or self.weights is None:
+            return along / values
+        by = self.changes / values
+        inner = np.eye(len(self.weights)) + self.weights[:, None] * (self.changes.T @ by)
+        return along / values - by @ np.linalg.solve(inner, self.weights[:, None] * (by.T @ along))
 
     def step(self, damping: float, gradient: Floats) -> Floats:
         """The damped step of a gradient (parameters,)."""
-        values, vectors = self.directions
-        return vectors @ ((vectors.T @ (gradient / self.scale)) / (values + damping)) / self.scale
+        vectors = self.directions[1]
+        return vectors @ self._solved(damping, (vectors.T @ (gradient / self.scale))[:, None])[:, 0] / self.scale
 
-    def root(self, damping: float) -> Floats:
-        """A root of the inverse of the damped matrix (parameters, directions)."""
-        values, vectors = self.directions
-        return vectors / (np.sqrt(values + damping) * self.scale[:, None])
+    def covariance(self, damping: float, which: Mask) -> Floats:
+        """Columns of the inverse of the damped matrix (parameters, those)."""
+        vectors = self.directions[1] / self.scale[:, None]
+        return np.asarray(vectors @ self._solved(damping, vectors[which].T), np.float64)
 
     def gain(self, step: Floats, gradient: Floats) -> float:
         """The gain that a step lets expect."""
@@ -80,8 +94,8 @@ class Normal(Rebuilt):
 
     def promised(self, gradient: Floats) -> float:
         """The gain that the whole step lets expect."""
-        values, vectors = self.directions
-        return float(np.sum((vectors.T @ (gradient / self.scale)) ** 2 / (values + START)))
+        along = (self.directions[1].T @ (gradient / self.scale))[:, None]
+        return float(np.sum(along * self._solved(START, along)))
 
     def turned(self, step: Floats, change: Floats) -> Normal:
         r"""The matrix with the curvature that a step has shown, by what the gradient fell along it (Broyden 1970).
@@ -91,12 +105,19 @@ class Normal(Rebuilt):
         It holds what a residual and its second derivatives add, which Gauss and Newton leave out.
         """
         _, vectors = self.directions
-        change = self.scale * (vectors @ (vectors.T @ (change / self.scale)))
-        seen, along = float(change @ step), self.matrix @ step
+        inside, behind = vectors.T @ (change / self.scale), self.matrix @ step
+        change = self.scale * (vectors @ inside)
+        seen, size = float(change @ step), float(behind @ step)
         if seen <= 0.0:
             return self
-        more = np.outer(change, change / seen) - np.outer(along, along / float(along @ step))
-        return replace(self, matrix=self.matrix + more, given=self.scale)
+        both, weights = np.stack([inside, vectors.T @ (behind / self.scale)], axis=1), np.array([1.0, -1.0])
+        weights /= [seen, size]
+        if self.changes is not None and self.weights is not None:
+            both, weights = np.hstack([self.changes, both]), np.concatenate([self.weights, weights])
+        more = np.outer(change, change / seen) - np.outer(behind, behind / size)
+        return replace(
+            self, matrix=self.matrix + more, given=self.scale, known=self.directions, changes=both, weights=weights
+        )
 
     def size(self, step: Floats) -> float:
         """The largest move of a parameter, in deviations of it with all others held."""
@@ -124,24 +145,29 @@ class Ends:
     steps: int  # Steps at most
     deviations: float = 0.0  # The size of a step, in deviations of each parameter, below which it is the last
     gain: float = -np.inf  # The gain of a step below which it is the last
-    patience: int = 1  # Such steps after which a fit ends although the whole step lets expect twice that
+    # Such steps after which a fit ends although the whole step lets expect twice that; also steps in vain by the matrix
+    # of an earlier point, after which it is formed anew
+    patience: int = 1
 
 
 def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
     """Return the point of least cost near a start."""
     point, normal, damping, growth = start, of.normal(start), START, 2.0
-    gains, small, pull, kept = [], 0, normal.gradient, False
+    gains, small, pull, kept, vain = [], 0, normal.gradient, False, 0
     while len(pull) and len(gains) < ends.steps:
         whole = normal.step(damping, pull)
         step = whole if of.limited is None else of.limited(point, whole, normal, damping)
         trial, gained = _tried(of, point, step)
-        if trial is None and kept:
-            normal, kept = of.normal(point), False
+        vain = 0 if trial is not None else vain + 1
+        if kept and vain > ends.patience:
+            # A shorter step by the matrix of an earlier point costs much less than a new matrix.
+            normal, kept, growth, vain = of.normal(point), False, 2.0, 0
             pull = normal.gradient
             continue
         if trial is None:
             # Had it been accepted it would have been the last: shorter ones gain no more.
-            if normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping >= MOST:
+            least = normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping >= MOST
+            if least and not kept:
                 break
             damping, growth = max(growth * damping, WHOLE), 2.0 * growth
             continue

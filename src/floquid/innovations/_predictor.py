@@ -151,8 +151,11 @@ def predicted(
                 ends[place] = whole @ ends[place]
                 innovations[:, own] = part.kept(beside - np.einsum("kin,kn->ik", seen, states[own]))
         # One that grows may leave innovations that are small: its derivatives would be none.
-        grown = float(np.linalg.norm(ends, axis=(1, 2)).max(initial=0.0))
-    if not (np.abs(innovations).max() <= limit and (growing or grown <= RUNAWAY)):
+        # Its eigenvalues tell, which have no scale of states.
+        if not (np.abs(innovations).max() <= limit and np.isfinite(ends).all()):
+            return None
+        grown = float(np.abs(np.linalg.eigvals(ends)).max(initial=0.0))
+    if not (growing or grown <= RUNAWAY):
         return None
     if whitening is None:
         whitening = np.broadcast_to(np.eye(len(samples.values)), (samples.n_samples, *[len(samples.values)] * 2))

@@ -27,12 +27,12 @@ def gap_of(first: Mode, second: Mode, omega: float) -> tuple[float, float, bool]
     return min(found)
 
 
-def merged(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> list[Mode]:
-    """One state or pair less than some modes have, of the same products of shape and gains as far as can be."""
+def merged(samples: Samples, now: Predictor, modes: Sequence[Mode], count: int) -> list[Mode]:
+    """Fewer pairs, or real states, in place of some modes, with the same products of shape and gains if they can."""
     # Real multipliers where one of the modes is such: a pair near their axis has the products of two.
     halves = [mode.axis for mode in modes if mode.real]
     if halves:
-        return as_real(samples, now, modes, halves[0], sum(mode.rows for mode in modes) - 1)
+        return as_real(samples, now, modes, halves[0], count)
     omega, noise = samples.fundamental, now.noise
     turned = []
     for mode in modes:
@@ -56,7 +56,7 @@ def merged(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> list[Mode
             reach=reach,
             gains=right[k].reshape(turned[0].gains.shape) / drives,
         ).scaled()
-        for k in range(min(len(modes) - 1, len(values)))
+        for k in range(min(count, len(values)))
     ]
 
 

@@ -6,6 +6,7 @@ A long record has its derivatives at samples here and there, carried from each t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import TypeVar
 
@@ -35,6 +36,9 @@ from floquid.innovations._derivatives import forces, gradient, held_signals, slo
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import MEMORY, Predictor, matrices, numbers_of, predicted
 from floquid.inputs import Samples
+
+OF_STEPS = 2.0 * MOST
+"""Parameters over rows of a matrix that makes steps alone: what chance moves secants mend."""
 
 
 def thinned(samples: Samples, at: Predictor, stride: int) -> Iterator[tuple[Integers, Floats]]:
@@ -103,15 +107,15 @@ def normal_of(samples: Samples, at: Predictor) -> Normal:
     return _once(at, "normal", lambda: _summed(samples, at, (part for _, part in slopes(samples, at, at.root))))
 
 
-def roughly(samples: Samples, at: Predictor) -> Normal:
-    """The linearisation for the steps and the tests of a search: of few of the samples where they are many."""
+def roughly(samples: Samples, at: Predictor, share: float = MOST) -> Normal:
+    """The linearisation for steps and tests of a search, of few of many samples: parameters over rows are a share."""
     # Of m rows chance moves a test by √(2/m), and a step of p parameters by √(p/m). Samples next to each other say
     # nearly the same of a mode that lasts.
     width = max(width_of(at), 1)
-    stride = samples.count * len(samples.values) // int(max(width / MOST, BLOCK / width))
+    stride = samples.count * len(samples.values) // int(max(width / share, BLOCK / width))
     if stride <= 1:
         return normal_of(samples, at)
-    return _once(at, "rough", lambda: _summed(samples, at, (part for _, part in thinned(samples, at, stride))))
+    return _once(at, f"rough {share}", lambda: _summed(samples, at, (part for _, part in thinned(samples, at, stride))))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
@@ -177,16 +181,16 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float, ste
         return at.log_likelihood + (iterations - len(gains)) * gains[-2] < least
 
     of = Steps(
-        normal=lambda at: roughly(samples, at),
+        normal=lambda at: roughly(samples, at, OF_STEPS if rough else MOST),
         moved=lambda at, step: moved(samples, at, step, period),
-        limited=lambda at, step, normal, damping: held(at, step, normal.root(damping), period),
+        limited=lambda at, step, normal, damping: held(at, step, partial(normal.covariance, damping), period),
         gradient=lambda at: pull_of(samples, at),
         enough=hopeless,
     )
     return levenberg_marquardt(start, of, Ends(steps=iterations, gain=at_rest, patience=IN_VAIN))
 
 
-def held(at: Predictor, whole: Floats, root: Floats, period: float) -> Floats:
+def held(at: Predictor, whole: Floats, covariance: Callable[[Mask], Floats], period: float) -> Floats:
     """A step on which no exponent moves further than `LONGEST_STEP`, all else the best for those held there."""
     own = [slice(place.start, place.start + mode.rows) for mode, place in zip(at.modes, places(at.modes), strict=True)]
     step, fixed = whole, np.zeros(len(whole), bool)
@@ -200,7 +204,7 @@ def held(at: Predictor, whole: Floats, root: Floats, period: float) -> Floats:
             return step
         to = np.where(fixed, step, whole)
         to[longest], fixed[longest] = step[longest] * LONGEST_STEP / size, True
-        mixed = root @ root[fixed].T
+        mixed = covariance(fixed)
         step = whole - mixed @ np.linalg.lstsq(mixed[fixed], (whole - to)[fixed], rcond=None)[0]
         step[fixed] = to[fixed]
 

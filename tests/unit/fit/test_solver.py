@@ -111,6 +111,18 @@ def test_a_matrix_that_serves_is_not_made_again():
     assert len(made) == 1
 
 
+def test_a_step_in_vain_is_shortened_before_a_kept_matrix_is_made_anew():
+    made = []
+    for patience in (0, 2):
+        count = Count()
+        free = steps_of(Count())
+        steps = steps_of(count, gradient=lambda at, free=free: free.normal(at).gradient)
+        found = levenberg_marquardt(At(START), steps, Ends(steps=200, deviations=1e-9, patience=patience))
+        assert found.p == pytest.approx([1.0, 1.0], abs=1e-6)
+        made.append(count.matrices)
+    assert made[1] < made[0]
+
+
 def test_a_step_that_is_limited_goes_as_far_as_it_may():
     moves = []
 
@@ -134,3 +146,17 @@ def test_a_kept_matrix_takes_up_the_curvature_that_a_step_has_shown():
     assert np.linalg.eigvalsh(turned.matrix)[1] > 0.0
     assert np.allclose(turned.matrix[3], 0.0)
     assert normal.turned(step, -change) is normal
+
+
+def test_steps_by_a_matrix_that_secants_changed_are_those_of_its_own_directions():
+    generator = np.random.default_rng(1)
+    slopes = generator.standard_normal((30, 6))
+    normal = Normal(matrix=slopes.T @ slopes, gradient=np.zeros(6))
+    for _ in range(3):
+        step = generator.standard_normal(6)
+        normal = normal.turned(step, normal.matrix @ step + 0.3 * slopes.T @ (slopes @ step) ** 3 / 30.0)
+    own = Normal(matrix=normal.matrix, gradient=np.zeros(6), given=normal.scale)
+    pull, some = generator.standard_normal(6), np.array([1, 0, 0, 1, 0, 0], bool)
+    assert np.allclose(normal.step(0.1, pull), own.step(0.1, pull))
+    assert np.allclose(normal.covariance(0.1, some), own.covariance(0.1, some))
+    assert normal.promised(pull) == pytest.approx(own.promised(pull))

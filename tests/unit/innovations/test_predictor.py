@@ -120,7 +120,7 @@ def test_a_step_that_is_held_is_the_best_that_moves_no_exponent_too_far(case):
     for place in places(at.modes):
         pull[place.start] += 3.0 * normal.matrix[place.start, place.start] * LONGEST_STEP / period
     whole = root @ (root.T @ pull)
-    step = held(at, whole, root, period)
+    step = held(at, whole, lambda which: root @ root[which].T, period)
     sizes = [
         np.linalg.norm(step[place.start : place.start + mode.rows]) * period
         for mode, place in zip(at.modes, places(at.modes), strict=True)
@@ -130,7 +130,7 @@ def test_a_step_that_is_held_is_the_best_that_moves_no_exponent_too_far(case):
     exponents = np.zeros(len(slope), bool)
     exponents[[0, 1, places(at.modes)[1].start]] = True
     assert np.abs(slope[~exponents] / normal.scale[~exponents]).max() < 1e-8 * np.abs(slope / normal.scale).max()
-    assert np.array_equal(held(at, 0.01 * step, root, period), 0.01 * step)
+    assert np.array_equal(held(at, 0.01 * step, lambda which: root @ root[which].T, period), 0.01 * step)
 
 
 def test_the_scale_of_a_state_and_its_branch_change_nothing(case):
@@ -245,7 +245,7 @@ def test_of_copies_of_a_mode_one_stays(number):
     assert left.log_likelihood > whole.log_likelihood - 1.0
 
 
-def test_pairs_that_are_gone_within_a_period_are_two_real_multipliers_where_these_do():
+def test_of_copies_that_are_gone_within_a_period_two_states_stay_where_these_do():
     """Two at one place, as a pair on their axis and a copy of it."""
     generator, times, none = np.random.default_rng(5), 0.4 + STEP * np.arange(3000), np.zeros(1)
     shape, gains = np.array([[0.6 + 0.1j], [0.2 - 0.5j]]), np.array([[0.4 - 0.1j], [0.2 + 0.3j]])
@@ -259,7 +259,7 @@ def test_pairs_that_are_gone_within_a_period_are_two_real_multipliers_where_thes
     found = predicted(samples, copies, np.zeros((2, 1)), np.zeros((1, 4)))
     assert needed(samples, found, Limits(highest=3, until=0.0)) is found
     left = needed(samples, found, Limits(highest=3))
-    assert [mode.real for mode in left.modes] == [True, True]
+    assert sum(mode.rows for mode in left.modes) == 2
     assert left.log_likelihood > whole.log_likelihood - 1.0
 
 
@@ -290,6 +290,17 @@ def test_a_predictor_that_grows_unseen_is_none(case):
     assert predicted(samples, [at.modes[0], silent], at.columns, 0.0 * at.initial) is None
 
 
+def test_a_predictor_stays_whatever_the_scale_of_its_states_is(case):
+    samples, at, _ = case
+    first, *rest = at.modes
+    large = replace(first, gains=1e-30 * first.gains, shape=1e30 * first.shape)
+    found = predicted(samples, [large, *rest], at.columns, 0.0 * at.initial)
+    same = predicted(samples, at.modes, at.columns, 0.0 * at.initial)
+    assert found is not None
+    assert same is not None
+    assert np.abs(found.innovations - same.innovations).max() < 1e-9 * np.abs(same.innovations).max()
+
+
 @pytest.mark.parametrize("half", [0.0, 0.5])
 def test_a_pair_on_the_axis_beside_a_real_multiplier_is_three_of_them(case, half, monkeypatch):
     samples, at, _ = case
@@ -302,7 +313,7 @@ def test_a_pair_on_the_axis_beside_a_real_multiplier_is_three_of_them(case, half
     three = predicted(samples, as_real(samples, both, modes, half, 3), at.columns, np.zeros((1, 3)))
     assert np.abs(both.innovations - three.innovations).max() < 1e-9 * np.abs(both.innovations).max()
     assert alike(both.modes, OMEGA) == [[0, 1]]
-    assert [mode.real for mode in merged(samples, both, modes)] == [True, True]
+    assert [mode.real for mode in merged(samples, both, modes, 2)] == [True, True]
 
 
 def test_real_multipliers_of_both_signs_are_never_one(case):
@@ -324,7 +335,7 @@ def test_copies_are_no_more_than_there_are_products():
     samples = samples_of([values], [values[:0]], [0.4], step=STEP, fundamental=OMEGA, hold="none")
     modes = [replace(pair, exponent=decay + 0.4j) for decay in (-0.09, -0.1, -0.11)]
     at = predicted(samples, modes, np.zeros((1, 1)), np.zeros((1, 6)))
-    assert len(merged(samples, at, modes)) == 1
+    assert len(merged(samples, at, modes, 2)) == 1
 
 
 def test_the_covariance_along_a_period_is_found():

@@ -83,7 +83,7 @@ def test_modes_gone_within_a_period_that_noise_explains_go_at_once(monkeypatch):
     def none(*_):
         raise AssertionError
 
-    monkeypatch.setattr(_fewer, "as_real", none)
+    monkeypatch.setattr(_fewer, "merged", none)
     left = _fewer.needed(own, found, Limits(highest=3))
     assert len(left.modes) == 1
     assert abs(left.modes[0].exponent - lasting.exponent) < 0.03

@@ -66,7 +66,11 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
         gone = sum(int(np.sum(~kept)) for band in bands for kept in band)
         if not gone:
             break
-        start = moved(samples, now, step, period) or now
+        start = moved(samples, now, step, period)
+        if start is None and gone > 1:
+            most = gone // 2
+            continue
+        start = start or now
         less = [
             mode.widened(mode.turns[turns], mode.reach[reach])
             for mode, (turns, reach) in zip(start.modes, bands, strict=True)
@@ -74,7 +78,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
         trial = rebuilt(samples, start, less)
         if trial is not None:
             enough = now.log_likelihood - chi2_limit(now.n_parameters - trial.n_parameters, limits.mode_alarm)
-            trial = solve(samples, trial, rough=True)
+            trial = solve(samples, trial, rough=True, least=enough)
             if trial.log_likelihood >= enough:
                 now, spread = trial, None
                 continue

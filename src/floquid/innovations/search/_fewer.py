@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import islice
 
 import numpy as np
 
+from floquid._arrays import Integers
 from floquid.fit import chi2_limit, scaled_inverse, wald_rise
 from floquid.innovations._covariance import stable_gains, white
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
-from floquid.innovations._products import as_real, gap_of, merged
-from floquid.innovations._solve import climbed, inverse_of, moved, places, roughly, solve
-from floquid.innovations.search._bands import anchored, grown, narrowed
+from floquid.innovations._products import gap_of, merged
+from floquid.innovations._solve import inverse_of, moved, places, roughly, solve
+from floquid.innovations.search._bands import anchored, grown
 from floquid.inputs import Limits, Samples
 from floquid.search import NEAR, REACH
 
 GONE = 1.0  # the decay over a period [nepers] from which on a mode is gone within it
 FEW = 2  # real multipliers on an axis that stand for more of them: a pair that splits has two
-TRIED = 3  # fits that are compared at a time, those first that promise most: each takes long
 
 
 def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
@@ -36,7 +35,9 @@ def least(trial: Predictor, now: Predictor, limits: Limits) -> float:
 
 def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
-    now = now if limits.over else _few(samples, now, limits)
+    less = None if limits.over else spared(samples, now, limits)
+    less = None if less is None else _as_good(samples, now, solve(samples, less, rough=True), limits)
+    now = less or now
     while len(now.modes) > 1:
         less = _one_less(samples, now, limits)
         if less is None:
@@ -46,14 +47,14 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
 
 
 def _one_less(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
-    """The fit with a mode less that explains as much with the harmonics that it then needs; None where none does."""
-    starts = _fewer(samples, now, limits)
-    while not limits.over and (some := list(islice(starts, TRIED))):
-        trials = [solve(samples, start, rough=True, least=least(start, now, limits)) for start in some]
-        for trial in sorted(trials, key=lambda own: -own.log_likelihood):
-            best = _as_good(samples, now, trial, limits)
-            if best is not None:
-                return best
+    """The first fit with less that explains as much with the harmonics that it then needs; None where none does."""
+    for start in _fewer(samples, now, limits):
+        if limits.over:
+            break
+        trial = solve(samples, start, rough=True, least=least(start, now, limits))
+        best = _as_good(samples, now, trial, limits)
+        if best is not None:
+            return best
     return None
 
 
@@ -72,26 +73,37 @@ def _explains(samples: Samples, fewer: Predictor, now: Predictor, limits: Limits
     return not missing and not better(now, fewer, limits)
 
 
-def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """All that is gone within a period beside one axis as a few real multipliers, where these explain as much."""
-    # Copies of several such leave one by one only where each fit without one is good, and each of those takes long.
-    omega, found = samples.fundamental, []
-    for half in (0.0, 0.5):
-        far = [_off_axis(mode, half, omega) for mode in now.modes]
-        near = [mode for mode, off in zip(now.modes, far, strict=True) if off < 1.0]
-        found.append((sum(mode.rows for mode in near), -max(own for own in [0.0, *far] if own < 1.0), half, near))
-    rows, _, half, gone = max(found, key=lambda own: own[:2])
-    if rows <= FEW:
-        return now
-    rest = [mode for mode in now.modes if mode not in gone]
-    # Where noise explains all of them none is needed in their place: fits of real multipliers that are none creep.
-    trial = without(samples, now, gone, limits)
-    trial = trial or stable(samples, now, [*rest, *as_real(samples, now, gone, half, FEW)], limits)
-    trial = None if trial is None else climbed(samples, trial)
-    if trial is None or trial.log_likelihood < least(trial, now, limits):
-        return now
-    trial = narrowed(samples, grown(samples, trial, limits), limits)
-    return trial if _explains(samples, trial, now, limits) else now
+def spared(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
+    """The predictor without all modes that noise explains together, the others moved to where they are best."""
+    if len(now.modes) < 2:
+        return None
+    # Of modes that are nearly one, whose shapes are large and cancel, all go or none.
+    inverse = inverse_of(roughly(samples, now), anchored(now))
+    own = np.concatenate([mode.parameters for mode in now.modes])
+    lost, count, gone, groups = 0.0, 0, [], alike(now.modes, samples.fundamental)
+    left = {k: _shape_rows(now, group) for k, group in enumerate(groups)}
+    while left:
+        weights = {k: wald_rise(own[rows], inverse[np.ix_(rows, rows)]) for k, rows in left.items()}
+        lightest = min(weights, key=lambda k: weights[k])
+        rows = left.pop(lightest)
+        lost, count = lost + weights[lightest], count + len(rows)
+        if lost > chi2_limit(count, limits.mode_alarm):
+            break
+        by = inverse[:, rows] @ scaled_inverse(inverse[np.ix_(rows, rows)])
+        own, inverse = own - by[: len(own)] @ own[rows], inverse - by @ inverse[rows]
+        gone.append([now.modes[k] for k in groups[lightest]])
+    while gone:
+        trial = without(samples, now, [mode for group in gone for mode in group], limits)
+        if trial is not None:
+            return trial
+        gone.pop()
+    return None
+
+
+def _shape_rows(now: Predictor, numbers: Sequence[int]) -> Integers:
+    """The parameters of the shapes of some modes among all."""
+    own = [(places(now.modes)[number].stop, 2 * now.modes[number].shape.size) for number in numbers]
+    return np.concatenate([np.arange(stop - count, stop) for stop, count in own])
 
 
 def without(samples: Samples, now: Predictor, gone: Sequence[Mode], limits: Limits) -> Predictor | None:
@@ -99,8 +111,8 @@ def without(samples: Samples, now: Predictor, gone: Sequence[Mode], limits: Limi
     if not 0 < len(gone) < len(now.modes):
         return None
     normal = roughly(samples, now)
-    inverse, own = inverse_of(normal, anchored(now)), zip(now.modes, places(now.modes), strict=True)
-    rows = np.concatenate([np.arange(at.stop - 2 * mode.shape.size, at.stop) for mode, at in own if mode in gone])
+    inverse = inverse_of(normal, anchored(now))
+    rows = _shape_rows(now, [number for number, mode in enumerate(now.modes) if mode in gone])
     values, among = np.concatenate([mode.parameters for mode in now.modes])[rows], inverse[np.ix_(rows, rows)]
     ends = (values, values + inverse[rows] @ normal.gradient)
     if max(wald_rise(each, among) for each in ends) > chi2_limit(len(rows), limits.mode_alarm):
@@ -109,14 +121,6 @@ def without(samples: Samples, now: Predictor, gone: Sequence[Mode], limits: Limi
     start = moved(samples, now, step, 2.0 * np.pi / samples.fundamental) or now
     rest = [mode for mode, before in zip(start.modes, now.modes, strict=True) if before not in gone]
     return stable(samples, start, rest, limits)
-
-
-def _off_axis(mode: Mode, half: float, omega: float) -> float:
-    """The distance of a mode from an axis over its decay, infinite of one that outlasts a period."""
-    turns = mode.axis + mode.exponent.imag / omega - half
-    if -mode.exponent.real * 2.0 * np.pi <= GONE * omega or (mode.real and turns % 1.0):
-        return np.inf
-    return float(abs(turns - round(turns)) * omega / -mode.exponent.real)
 
 
 def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predictor]:
@@ -129,7 +133,12 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
     for group in alike(now.modes, samples.fundamental):
         rest = [mode for k, mode in enumerate(now.modes) if k not in group]
         if len(group) > 1:
-            starts.append((0.0, [*rest, *merged(samples, now, [now.modes[k] for k in group])]))
+            # They would leave one by one, and each fit of some that are nearly one is long.
+            own = [now.modes[k] for k in group]
+            real = any(mode.real for mode in own)
+            most = (sum(mode.rows for mode in own) if real else len(own)) - 1
+            counts = sorted({min(FEW if real else 1, most), most})
+            starts += [(0.0, [*rest, *merged(samples, now, own, count)]) for count in counts]
             continue
         mode, place = now.modes[group[0]], places(now.modes)[group[0]]
         count = 2 * mode.shape.size

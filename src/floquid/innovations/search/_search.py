@@ -17,7 +17,7 @@ from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._products import APART
 from floquid.innovations._solve import climbed, solve
 from floquid.innovations.search._bands import centred, grown, narrowed
-from floquid.innovations.search._fewer import GONE, TRIED, better, needed, stable, without
+from floquid.innovations.search._fewer import GONE, better, least, needed, spared, stable
 from floquid.innovations.search._near_axis import read_near_axis, with_real_ones
 from floquid.inputs import (
     InputMode,
@@ -36,6 +36,7 @@ from floquid.search import LOOSE
 STABLE = (0.5, 0.3, 0.2)
 """Shares of the looks at which a candidate comes up, from which on a search begins with it: until all is white."""
 
+TRIED = 3  # candidates that are fitted one after another, those first that promise most: each takes long
 SHRUNK = (1.0, 0.5, 0.2, 0.05)  # factors of the gains of new modes at which a predictor is tried
 
 PARTNERS = (0.1, 0.3, 1.0)
@@ -76,7 +77,7 @@ def _searched(
     for begun in (bare[:count] for count in counts if count):
         chosen = chosen_together(of_known, begun, limits.most, acting=0)
         trial = _with(samples, of_known, none, chosen, limits)
-        trial = None if trial is None else grown(samples, trial, limits, rounds=1)
+        trial = None if trial is None else grown(samples, trial, limits)
         if trial is not None and better(trial, now, limits):
             now = trial
         if limits.over or (now.modes and white(samples, now, limits.mode_alarm)):
@@ -233,11 +234,15 @@ def _with(
         trial = rebuilt(samples, now, start)
         if trial is not None and trial.log_likelihood > now.log_likelihood:
             trial = solve(samples, trial, rough=True, steps=FEW_STEPS // 3)
-            # A fit creeps while modes make up for each other: those that noise explains go before it ends.
-            brief = [mode for mode in trial.modes if -mode.exponent.real * 2.0 * np.pi > GONE * samples.fundamental]
-            less = without(samples, trial, brief, limits)
-            found = solve(samples, less or trial, rough=True)
-            return found if less is None else narrowed(samples, found, limits)
+            # A fit creeps while modes make up for each other: those that noise explains go before it ends. Of one that
+            # came alone it is told at the end.
+            less = spared(samples, trial, limits) if len(more) > 1 else None
+            if less is not None:
+                enough = least(less, trial, limits)
+                less = solve(samples, less, rough=True, least=enough)
+                if less.log_likelihood >= enough:
+                    return narrowed(samples, less, limits)
+            return solve(samples, trial, rough=True)
     return None
 
 
