@@ -145,29 +145,24 @@ class Ends:
     steps: int  # Steps at most
     deviations: float = 0.0  # The size of a step, in deviations of each parameter, below which it is the last
     gain: float = -np.inf  # The gain of a step below which it is the last
-    # Such steps after which a fit ends although the whole step lets expect twice that; also steps in vain by the matrix
-    # of an earlier point, after which it is formed anew
-    patience: int = 1
+    patience: int = 1  # Such steps after which a fit ends although the whole step lets expect twice that
 
 
 def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
     """Return the point of least cost near a start."""
     point, normal, damping, growth = start, of.normal(start), START, 2.0
-    gains, small, pull, kept, vain = [], 0, normal.gradient, False, 0
+    gains, small, pull, kept = [], 0, normal.gradient, False
     while len(pull) and len(gains) < ends.steps:
         whole = normal.step(damping, pull)
         step = whole if of.limited is None else of.limited(point, whole, normal, damping)
         trial, gained = _tried(of, point, step)
-        vain = 0 if trial is not None else vain + 1
-        if kept and vain > ends.patience:
-            # A shorter step by the matrix of an earlier point costs much less than a new matrix.
-            normal, kept, growth, vain = of.normal(point), False, 2.0, 0
+        if trial is None and kept:
+            normal, kept = of.normal(point), False
             pull = normal.gradient
             continue
         if trial is None:
             # Had it been accepted it would have been the last: shorter ones gain no more.
-            least = normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping >= MOST
-            if least and not kept:
+            if normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping >= MOST:
                 break
             damping, growth = max(growth * damping, WHOLE), 2.0 * growth
             continue

@@ -150,12 +150,10 @@ def predicted(
                 states[own], state = own_states[:-1], own_states[-1]
                 ends[place] = whole @ ends[place]
                 innovations[:, own] = part.kept(beside - np.einsum("kin,kn->ik", seen, states[own]))
-        # One that grows may leave innovations that are small: its derivatives would be none.
-        # Its eigenvalues tell, which have no scale of states.
-        if not (np.abs(innovations).max() <= limit and np.isfinite(ends).all()):
-            return None
-        grown = float(np.abs(np.linalg.eigvals(ends)).max(initial=0.0))
-    if not (growing or grown <= RUNAWAY):
+        # One that grows may leave innovations that are small: its derivatives would be none. Eigenvalues have no scale
+        # of states.
+        stays = growing or (np.isfinite(ends).all() and np.abs(np.linalg.eigvals(ends)).max(initial=0.0) <= RUNAWAY)
+    if not (stays and np.abs(innovations).max() <= limit):
         return None
     if whitening is None:
         whitening = np.broadcast_to(np.eye(len(samples.values)), (samples.n_samples, *[len(samples.values)] * 2))

@@ -142,19 +142,20 @@ def looks(found: Survey) -> list[tuple[str, str, str]]:
 def unstable_spans(found: Survey) -> list[tuple[float, float]]:
     """Spans of the operating point in which a track is unstable, between its edges, or else half way between points."""
     spans = []
-    for track in found.tracks:
+    for number, track in enumerate(found.tracks):
         x, unstable = found.values[track.points], track.growth > 0.0
         turns = np.flatnonzero(np.diff(np.concatenate([[False], unstable, [False]]).astype(int)))
-        ends = [_end(found, track, k, x) for k in turns.tolist()]
+        ends = [_end(found, number, k, x) for k in turns.tolist()]
         spans += list(zip(ends[::2], ends[1::2], strict=True))
     return spans
 
 
-def _end(found: Survey, track: Track, place: int, x: Floats) -> float:
+def _end(found: Survey, number: int, place: int, x: Floats) -> float:
     """The end of an unstable span before a place of a track: that of its edge, else the middle of both points."""
     if 0 < place < len(x):
-        between = (int(track.points[place - 1]), int(track.points[place]))
-        known = [edge.value for edge in found.edges if edge.between == between and edge.value is not None]
+        first, last = found.tracks[number].points[place - 1 : place + 1].tolist()
+        own = [edge for edge in found.edges if number in edge.tracks and edge.between == (first, last)]
+        known = [edge.value for edge in own if edge.value is not None]
         return known[0] if known else float(x[place - 1 : place + 1].mean())
     return float(x[min(place, len(x) - 1)])
 

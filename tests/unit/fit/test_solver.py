@@ -111,18 +111,6 @@ def test_a_matrix_that_serves_is_not_made_again():
     assert len(made) == 1
 
 
-def test_a_step_in_vain_is_shortened_before_a_kept_matrix_is_made_anew():
-    made = []
-    for patience in (0, 2):
-        count = Count()
-        free = steps_of(Count())
-        steps = steps_of(count, gradient=lambda at, free=free: free.normal(at).gradient)
-        found = levenberg_marquardt(At(START), steps, Ends(steps=200, deviations=1e-9, patience=patience))
-        assert found.p == pytest.approx([1.0, 1.0], abs=1e-6)
-        made.append(count.matrices)
-    assert made[1] < made[0]
-
-
 def test_a_step_that_is_limited_goes_as_far_as_it_may():
     moves = []
 

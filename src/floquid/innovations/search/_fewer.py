@@ -36,8 +36,9 @@ def least(trial: Predictor, now: Predictor, limits: Limits) -> float:
 def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
     less = None if limits.over else spared(samples, now, limits)
-    less = None if less is None else _as_good(samples, now, solve(samples, less, rough=True), limits)
-    now = less or now
+    if less is not None:
+        less = solve(samples, less, rough=True, least=least(less, now, limits))
+        now = _as_good(samples, now, less, limits) or now
     while len(now.modes) > 1:
         less = _one_less(samples, now, limits)
         if less is None:
@@ -87,7 +88,7 @@ def spared(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None
         lightest = min(weights, key=lambda k: weights[k])
         rows = left.pop(lightest)
         lost, count = lost + weights[lightest], count + len(rows)
-        if lost > chi2_limit(count, limits.mode_alarm):
+        if not lost <= chi2_limit(count, limits.mode_alarm):  # also where the linearisation overflowed
             break
         by = inverse[:, rows] @ scaled_inverse(inverse[np.ix_(rows, rows)])
         own, inverse = own - by[: len(own)] @ own[rows], inverse - by @ inverse[rows]
