@@ -124,7 +124,7 @@ def _to_the_end(
         report(f"fitting {len(now.modes)} modes")
         wide = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
         start = reweighed(samples, wide)
-        wide = solve(samples, start)
+        wide = solve(samples, start, rough=unfinished)  # a fit to the end may take as long again
         more = max(wide.n_parameters - now.n_parameters, 1)
         if wide.log_likelihood - start.log_likelihood < chi2_limit(more, limits.mode_alarm) or not more_left:
             break
