@@ -313,6 +313,11 @@ MODEL: dict[str, str | Callable[..., str]] = {
     ),
     "partly_missing": "{samples} samples that some channels miss count as missing in all: a sample counts as a whole "
     "where excitation goes on.",
+    "cut_at_gaps": lambda periods, parts: (
+        f"Gaps longer than {periods:g} periods cut the records into {parts} part{'s' * (parts > 1)}. Each begins with "
+        "a state of its own, since what drove the system in a gap was not measured. Parts shorter than a period are "
+        "left out."
+    ),
     "left_out": "{samples} of these samples of channel {channel} count as missing (`repair=False` keeps them).",
     "believed_down_to": "There is hardly any noise, and the residual is no noise: most likely a nonlinearity. The fit "
     "ignores what is below {floor:g} of the largest value of each channel (`noise_floor=`).",

@@ -10,7 +10,7 @@ import numpy as np
 from floquid._arrays import Floats, Mask
 from floquid._checks import input_error, wrong_value
 from floquid.checks import Parted
-from floquid.core import Channel, Record, channels_named, over_gaps, runs_of
+from floquid.core import BRIDGED, Channel, Record, channels_named, over_gaps, runs_of
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
 from floquid.fit import HALF_DIGITS, RARE
@@ -20,7 +20,7 @@ from floquid.preparation._clocks import check_states, clocks_of, refuse_no_clock
 from floquid.preparation._lines import Lines, Tone, tones_of
 from floquid.preparation._refuse import LEAST, NAMED, refuse_period
 from floquid.preparation._settings import Settings
-from floquid.sync import ShaftAngle, refuse_unlike
+from floquid.sync import ShaftAngle, refuse_unlike, tied
 
 OF = "identify"
 
@@ -72,7 +72,6 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     for record in records:
         for row in channels_named(record.channels, settings.inputs, argument="inputs", of=of):
             _refuse_gaps(record, row, of)
-    period, times, shafts = _turned(records, of)
     channels = {channel.name: channel for channel in records[0].channels}
     clocks = {settings.tach, settings.azimuth}
     wanted = settings.channels or [
@@ -85,6 +84,8 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         raise input_error("inputs", of, must, "leaves none but forces and clocks, or none at all", remedy)
     names = list(channels)
     check_states([channels[name] for name in outputs], settings)
+    records, cut = _between_gaps(records, [list(channels).index(name) for name in outputs], settings)
+    period, times, shafts = _turned(records, of)
     rows, driven = [names.index(name) for name in outputs], [names.index(name) for name in settings.inputs]
     inputs, values = [record.values[driven] for record in records], [record.values[rows] for record in records]
     whole = _refuse_absent(outputs, values)
@@ -127,6 +128,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         shafts=shafts,
         periods_per_revolution=given,
         findings=(
+            *cut,
             *_partly_missing(values, whole),
             *_faults(records, outputs, settings),
             *_interference(tones, rate, [channels[name] for name in outputs]),
@@ -163,6 +165,38 @@ def _refuse_gaps(record: Record, row: int, of: str) -> None:
         )
         remedy = "Cut the record there, into two records."
         raise input_error("records", of, "hold every sample of the inputs", got, remedy)
+
+
+def _between_gaps(
+    records: Sequence[Record], rows: Sequence[int], settings: Settings
+) -> tuple[Sequence[Record], tuple[Finding, ...]]:
+    """Records of the stretches between gaps that are too long to be bridged, where nobody measured what drives."""
+    # After such a gap the state is known no better than its variance, and errors of its prediction are no innovations
+    # for as long as it takes to tell it: a first state of its own is exact.
+    if settings.kind != "ambient" or settings.tach or settings.azimuth:
+        return records, ()
+    pieces: list[Record] = []
+    for record in records:
+        there = np.all(np.isfinite(record.values[rows]), axis=0, keepdims=True)[0]
+        period = tied(record).period * record.sample_rate
+        own: list[tuple[int, int]] = []
+        for first, last in runs_of(there):
+            near = bool(own) and first - own[-1][1] <= BRIDGED * period
+            own = [*own[:-1], (own[-1][0], last)] if near else [*own, (first, last)]
+        pieces += [record] if len(own) < 2 else _parts(record, [part for part in own if part[1] - part[0] >= period])
+    if not pieces or (len(pieces) == len(records) and all(a is b for a, b in zip(pieces, records, strict=True))):
+        return records, ()
+    return tuple(pieces), (note("cut_at_gaps", periods=BRIDGED, parts=len(pieces)),)
+
+
+def _parts(record: Record, places: Sequence[tuple[int, int]]) -> list[Record]:
+    """Parts of a record as records of their own, from first samples to before the last ones."""
+    found = []
+    for first, last in places:
+        values = record.values[:, first:last]
+        values.flags.writeable = False
+        found.append(replace(record, values=values, start=record.start + first / record.sample_rate))
+    return found
 
 
 def _refuse_absent(outputs: Sequence[str], values: Sequence[Floats]) -> list[Mask]:

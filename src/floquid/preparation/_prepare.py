@@ -242,8 +242,8 @@ def _excited(records: tuple[Record, ...], settings: Settings, report: Callable[[
     return Prepared(
         settings=settings,
         records=own.records,
-        responses=tuple(record.select([channel.name for channel in own.outputs]) for record in records),
-        clocks=clocks_of(records, own.shafts),
+        responses=tuple(record.select([channel.name for channel in own.outputs]) for record in own.records),
+        clocks=clocks_of(own.records, own.shafts),
         shafts=own.shafts,
         findings=(*begun_at, *faults),
         parted=own,

@@ -94,6 +94,7 @@ SAMPLES = {
     "begins_later": {"periods": 2},
     "impacts": {"instants": (1.0, 2.0), "hits": 2},
     "cut_at_blows": {"instants": (1.0, 2.0), "hits": 2},
+    "cut_at_gaps": {"periods": 0.2, "parts": 2},
     "spikes": {"instants": (1.0, 2.0), "number": 2},
     "as_sampled": {"why": "no whole number"},
     "forced": {"orders": (1, 2), "largest": (120.0, 3.0), "follows": True},

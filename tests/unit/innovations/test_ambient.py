@@ -87,6 +87,24 @@ def test_the_matrix_of_the_system_comes_of_outputs_alone(analysis):
         reconstruct(analysis.model, ["x", "x"])
 
 
+def test_a_gap_that_is_too_long_to_be_bridged_cuts_a_record(analysis, values):
+    """With one state on both sides the decay was 3 to 14 deviations off, and passed."""
+    holed = values.copy()
+    holed[:, 1000:1400] = np.nan
+    holed[:, 3000:3002] = np.nan
+    found = identify(record_from(holed), excitation="ambient", validate=False)
+    assert [record.n_samples for record in found.records] == [1000, values.shape[1] - 1400]
+    assert [own.numbers["parts"] for own in found.findings if own.code == "cut_at_gaps"] == [2]
+    off = found.model.exponents - analysis.model.exponents
+    assert np.abs(off.real / found.model.exponent_std.real).max() < 1.0
+    # A part shorter than a period says less than its first state costs, and inputs tell the state over a gap.
+    holed[:, 1400:1410], holed[:, 1410:1500] = values[:, 1400:1410], np.nan
+    again = parted([record_from(holed)], Settings(excitation="ambient"))
+    assert [record.n_samples for record in again.records] == [1000, values.shape[1] - 1500]
+    both = record_from(np.concatenate([holed, values]), names=("x", "F"))
+    assert len(parted([both], Settings(inputs=("F",))).records) == 1
+
+
 @pytest.mark.parametrize(("decay", "severity"), [(1.0, Severity.FAILURE), (6.0, Severity.WARNING)])
 def test_a_copy_of_a_mode_that_outlasts_a_period_fails(analysis, decay, severity):
     fit, own = analysis.fit, analysis.fit.at.modes[0]
