@@ -477,3 +477,9 @@ def test_measured_inputs_without_other_forces_are_predicted():
     assert found.model.order == 2
     assert np.isfinite(found.validation.held_out_error).all()
     assert found.passed
+
+
+def test_a_highest_harmonic_of_zero_is_obeyed(values):
+    """Candidates began with one harmonic on either side whatever was asked for."""
+    found = identify(record_from(values), excitation="ambient", harmonics=0, validate=False)
+    assert found.model.harmonics.tolist() == [0]

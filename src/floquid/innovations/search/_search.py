@@ -72,7 +72,7 @@ def _searched(
     none = now = replace(_none(samples), whitening=whitening_of(samples, first))
     of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental
     poles, shares = candidates(driven, none.innovations, held=len(samples.inputs) > 0)
-    bare = [_bare(driven, pole) for pole in poles.tolist()]
+    bare = [_bare(driven, pole, limits) for pole in poles.tolist()]
     counts = sorted({int(np.count_nonzero(shares >= share)) for share in STABLE})
     for begun in (bare[:count] for count in counts if count):
         chosen = chosen_together(of_known, begun, limits.most, acting=0)
@@ -141,14 +141,14 @@ def _with_one_more(
     """The predictor with the candidate that explains most of the innovations; None where noise does."""
     own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)
     poles = np.concatenate([candidates(own, now.innovations, held=len(samples.inputs) > 0)[0], before])
-    ranked = [fitted_together(own, now.innovations, [_bare(own, pole)], acting=0) for pole in poles.tolist()]
+    ranked = [fitted_together(own, now.innovations, [_bare(own, pole, limits)], acting=0) for pole in poles.tolist()]
     ranked.sort(key=lambda one: -one[0])
     # Coloured excitation has several poles at one place, and candidates hold one: another beside it comes first.
     period, beside = 2.0 * np.pi / samples.fundamental, []
     for mode in now.modes:
         if -mode.exponent.real * period > GONE:
             pole = complex(APART[0] * mode.exponent.real, mode.axis * samples.fundamental + mode.exponent.imag)
-            beside.append(fitted_together(own, now.innovations, [_bare(own, pole)], acting=0))
+            beside.append(fitted_together(own, now.innovations, [_bare(own, pole, limits)], acting=0))
     for gain, modes in [*beside, *ranked[:TRIED]]:
         products = 2 * modes[0].turns.size * (modes[0].gains.size + len(samples.records))
         if limits.over or gain < chi2_limit(len(now.innovations) * products, limits.mode_alarm):
@@ -192,7 +192,7 @@ def _with_one_of(
     if start is None or limits.over:
         return None
     own = replace(driven, inputs=np.concatenate([samples.inputs, start.innovations]), values=start.innovations)
-    trials = [fitted_together(own, start.innovations, [_bare(own, pole)], acting=0) for pole in poles]
+    trials = [fitted_together(own, start.innovations, [_bare(own, pole, limits)], acting=0) for pole in poles]
     trial = _with(samples, own, start, max(trials, key=lambda one: one[0])[1], limits)
     return None if trial is None else narrowed(samples, climbed(samples, trial), limits)
 
@@ -246,13 +246,13 @@ def _with(
     return None
 
 
-def _bare(driven: Samples, exponent: complex) -> InputMode:
-    """A candidate with one harmonic on either side; a real multiplier where it is all but on an axis."""
-    half = 0.5 * round(2.0 * exponent.imag / driven.fundamental)
+def _bare(driven: Samples, exponent: complex, limits: Limits) -> InputMode:
+    """A candidate with one harmonic on either side at most; a real multiplier where it is all but on an axis."""
+    half, most = 0.5 * round(2.0 * exponent.imag / driven.fundamental), min(1.0, limits.highest)
     if abs(exponent.imag - half * driven.fundamental) > OFF * abs(exponent.real):
-        turns = np.arange(-1.0, 2.0)
+        turns = np.arange(-most, most + 0.5)
         return bare_mode(driven, exponent, turns, turns)
-    turns = np.arange(half % 1.0, 2.0)
+    turns = np.arange(half % 1.0, most + 0.75)
     return bare_mode(driven, complex(exponent.real), turns, turns, real=True)
 
 
