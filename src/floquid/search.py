@@ -103,5 +103,7 @@ def longer(band: Floats, by: float, highest: float, real: bool) -> Floats:
     """A band of harmonics with some more at each end, none beyond the highest; of a real multiplier upwards alone."""
     more = np.arange(1.0, by + 1.0)
     both = np.concatenate([[] if real else band[0] - more[::-1], band, band[-1] + more])
-    # On another branch a band may reach beyond the highest harmonic: it keeps what it has.
-    return both[(both >= min(band[0], -highest)) & (both <= max(band[-1], highest))]
+    # Twelve samples hold twelve harmonics of a pair, five on one side and six on the other: the highest is 5½ then. On
+    # another branch a band may reach beyond: it keeps what it has.
+    above = highest if real else np.ceil(highest)
+    return both[(both >= min(band[0], -highest)) & (both <= max(band[-1], above))]

@@ -29,6 +29,8 @@ def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
 SHORT = (0.5, 2.0)
 """Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
 
+OWN = 0.5  # the share of a shape's energy beside another's from which on two modes of one multiplier are two
+
 STILL = 10.0  # radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift
 
 
@@ -84,13 +86,11 @@ def excitation_of(
                 seconds=float(periods[worst] * model.period),
             )
         )
-    same = _not_apart(
-        fit, shares * decays, (decays * model.period < GONE) & ~np.isin(range(len(decays)), list(as_read))
-    )
-    if groups or same:
-        report = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
+    copies = _copies(fit, shares * decays, ~gone & ~np.isin(range(len(decays)), list(as_read)), groups)
+    if groups or copies:
+        report = failure if copies else warning
         findings.append(
-            report("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *same]))].tolist())
+            report("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *copies]))].tolist())
         )
     return tuple(findings)
 
@@ -136,19 +136,19 @@ def _own(fit: Fit) -> Mask:
     return np.array(certain)
 
 
-def _not_apart(fit: Fit, std: Floats, lasting: Mask) -> list[Integers]:
-    """Pairs of modes that outlast a period and that their deviations (modes,) do not separate."""
-    modes, omega = fit.at.modes, fit.samples.fundamental
-    return [
-        np.array([first, second])
-        for first, second in combinations(np.flatnonzero(lasting).tolist(), 2)
-        if gap_of(modes[first], modes[second], omega)[0] < DEVIATIONS * float(np.hypot(std[first], std[second]))
-    ]
+def _copies(fit: Fit, std: Floats, lasting: Mask, groups: Sequence[Integers]) -> list[Integers]:
+    """Pairs of modes that neither their deviations (modes,) nor their shapes separate: one of them may be a copy."""
+    # A copy is seen as the other is. Both outlast a period, or one, and the other is as near as a mode of its group.
+    from scipy.special import chdtrc
 
-
-def _one(fit: Fit, model: PeriodicModel, group: Integers, shares: Floats) -> bool:
-    """True where modes that outlast a period are nearer to each other than their deviations: a copy may be false."""
-    modes = [fit.at.modes[number] for number in group]
-    lasting = any(-mode.exponent.real * model.period < GONE for mode in modes)
-    near = min(DEVIATIONS * float(shares[group].max()), NEAR)
-    return lasting and len(alike(modes, model.fundamental, near)) < len(modes)
+    modes, omega, found = fit.at.modes, fit.samples.fundamental, []
+    grouped = {pair for group in groups for pair in combinations(sorted(group.tolist()), 2)}
+    for first, second in combinations(range(len(modes)), 2):
+        last = lasting[[first, second]]
+        if not (last.all() or (last.any() and (first, second) in grouped)):
+            continue
+        if gap_of(modes[first], modes[second], omega)[0] < DEVIATIONS * float(np.hypot(std[first], std[second])):
+            squares, degrees, share = fit.beside(first, second)
+            if share < OWN or chdtrc(degrees, squares) > SURE:
+                found.append(np.array([first, second]))
+    return found

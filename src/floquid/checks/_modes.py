@@ -38,7 +38,7 @@ def limits(case: Any, _: Evidence) -> tuple[Finding, ...]:
 
 def bands(case: Any, _: Evidence) -> tuple[Finding, ...]:
     """Findings on bands that end at the highest harmonics looked for."""
-    findings, highest = [], case.limits.highest
+    findings, highest = [], int(case.limits.highest)
     if case.most is not None and _clear(case.model, highest):
         if nearly_one(case.own.samples, case.fit.at):  # a copy of the mode makes up for harmonics beyond the limit
             findings.append(failure("inputs_copies", most=highest))

@@ -12,12 +12,13 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Mask
 from floquid.core import Estimates
 from floquid.errors import IdentificationError
-from floquid.fit import HALF_DIGITS, Normal, wald_rise
+from floquid.fit import HALF_DIGITS, Normal, inverse_root, wald_rise
 from floquid.innovations._derivatives import gradient
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, responding
+from floquid.innovations._products import gap_of
 from floquid.innovations._solve import inverse_of, normal_of, places, solve
-from floquid.innovations.search import read_near_axis
+from floquid.innovations.search import read_near_axis, with_near_blocks
 from floquid.inputs import (
     DrivenFit,
     Errors,
@@ -143,7 +144,8 @@ class Fit(DrivenFit):
         if start is None:
             raise IdentificationError("The predictor of these modes diverges on these records.")
         limits = Limits(highest=int(max(np.abs(mode.turns).max() for mode in self.at.modes)))
-        return sized(Fit(samples, read_near_axis(samples, solve(samples, start), limits).at, self.acting))
+        again = with_near_blocks(samples, solve(samples, start), limits)
+        return sized(Fit(samples, read_near_axis(samples, again).at, self.acting))
 
     def short(self, number: int) -> float:
         """Distance of the exponent of a mode from the maximum of the likelihood to first order, in deviations."""
@@ -177,6 +179,38 @@ class Fit(DrivenFit):
         """Squared deviations of the gains of the measured inputs from zero, and how many numbers those are."""
         mode = self.at.modes[number]
         return self._squares(number, gains=np.arange(mode.gains.size) < len(self.samples.inputs) * len(mode.reach))
+
+    def beside(self, first: int, second: int) -> tuple[float, int, float]:
+        """Squared deviations of a shape from all multiples of another's, how many numbers tell, and its share."""
+        modes, omega = self.at.modes, self.samples.fundamental
+        _, turn, other = gap_of(modes[first], modes[second], omega)
+        turns = (-modes[second].turns if other else modes[second].turns) - turn
+        band = np.union1d(modes[first].turns, turns)
+        one, two = self._on(band, first, modes[first].turns, 1.0), self._on(band, second, turns, -1.0 if other else 1.0)
+        noise = np.tile(np.repeat(self.at.noise[:, 0], len(band)), 2)
+        # Multiples by a + ib, or by a alone of real multipliers: i times real parts and imaginary ones.
+        half = len(noise) // 2
+        along = [one] if modes[first].real else [one, np.concatenate([-one[half:], one[:half]])]
+        values = np.stack([own[:, -1] for own in along], axis=1)
+        share = np.linalg.lstsq(values / noise[:, None], two[:, -1] / noise, rcond=None)[0]
+        left = two - np.tensordot(share, along, axes=1)
+        root = inverse_root(left[:, :-1] @ self.parameters @ left[:, :-1].T)
+        values, told = root.T @ values, root.T @ left[:, -1]
+        told = told - values @ np.linalg.lstsq(values, told, rcond=None)[0]
+        energy = np.sum((np.stack([left[:, -1], two[:, -1]]) / noise) ** 2, axis=1)
+        return float(told @ told), max(root.shape[1] - len(share), 1), float(energy[0] / energy[1])
+
+    def _on(self, band: Floats, number: int, turns: Floats, sign: float) -> Floats:
+        """Derivatives of a shape on a band by all parameters, and then its values: real parts, then imaginary ones."""
+        mode, width = self.at.modes[number], len(self.parameters)
+        found = np.zeros((2, len(mode.shape), len(band), width + 1))
+        place = np.searchsorted(band, turns)
+        first = self.places[number].stop - 2 * mode.shape.size + np.arange(2 * mode.shape.size)
+        for part, (own, by) in enumerate(zip(first.reshape(2, *mode.shape.shape), (1.0, sign), strict=True)):
+            for channel, parameters in enumerate(own):
+                found[part, channel, place, parameters] = by
+        found[0][:, place, -1], found[1][:, place, -1] = mode.shape.real, sign * mode.shape.imag
+        return found.reshape(-1, width + 1)
 
     def _squares(self, number: int, *, gains: Mask | None = None, shape: Mask | None = None) -> tuple[float, int]:
         mode, place = self.at.modes[number], self.places[number]

@@ -2,10 +2,10 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from benchmarks.drawn.__main__ import drawn, record_of_draw
 from scipy.signal import lfilter
 from tests.driven import ambient_of, mathieu, pulls
 
@@ -19,12 +19,15 @@ from floquid import (
     reconstruct,
 )
 from floquid.checks import Ambient
-from floquid.checks._excitation import _not_apart, excitation_of
+from floquid.checks._excitation import _copies, excitation_of
 from floquid.checks._residual import of_outliers
 from floquid.exports import summary
 from floquid.findings import Severity
 from floquid.innovations import Fit, first_innovations, period_step, predicted, repetition
-from floquid.inputs import samples_of
+from floquid.innovations._predictor import rebuilt
+from floquid.innovations._solve import solve
+from floquid.innovations.search._bands import bent
+from floquid.inputs import Limits, samples_of
 from floquid.pipeline import Settings
 from floquid.preparation._excited import parted
 
@@ -334,14 +337,44 @@ def test_first_innovations_are_near_the_true_ones():
     assert np.corrcoef(found[100:], drive[100:])[0, 1] > 0.995
 
 
-def test_lasting_modes_that_their_deviations_do_not_tell_apart_fail(analysis):
+def test_lasting_modes_that_neither_deviations_nor_shapes_tell_apart_fail(analysis, monkeypatch):
     """Of excitation that is coloured a copy of a mode passed, at 0.8 of its decay from it."""
-    own = analysis.fit.at.modes[0]
-    other = replace(own, exponent=complex(1.8 * own.exponent.real, own.exponent.imag))
-    fit = SimpleNamespace(at=SimpleNamespace(modes=[own, other]), samples=analysis.fit.samples)
-    decay = abs(own.exponent.real)
-    for share, lasting, count in ((0.25, True, 1), (0.1, True, 0), (0.25, False, 0)):
-        assert len(_not_apart(fit, np.full(2, share * decay), np.array([True, lasting]))) == count
+    fit, own = analysis.fit, analysis.fit.at.modes[0]
+    exponent, decay = complex(1.8 * own.exponent.real, own.exponent.imag), abs(own.exponent.real)
+    turned = np.roll(own.shape, 1, axis=1)
+
+    def copies(shape, share=0.25, lasting=True, conjugate=False, std=1e-3):
+        monkeypatch.setattr(Fit, "parameters", property(lambda fit: std**2 * np.eye(len(fit.normal.gradient))))
+        other = replace(own, exponent=exponent, shape=shape, gains=0.2 * own.gains)
+        other = other.conjugate() if conjugate else other
+        at = predicted(fit.samples, [replace(own, gains=0.5 * own.gains), other], fit.at.columns, np.zeros((1, 4)))
+        twice = Fit(fit.samples, at, fit.acting)
+        return len(_copies(twice, np.full(2, share * decay), np.array([True, lasting]), ()))
+
+    assert copies(own.shape) == copies(1j * own.shape) == copies(own.shape, conjugate=True) == 1
+    assert copies(own.shape, share=0.1) == copies(own.shape, lasting=False) == 0
+    assert copies(turned) == copies(turned, conjugate=True) == 0
+    assert copies(own.shape + 0.1 * turned) == copies(turned, std=1.0) == 1
+
+
+def test_harmonics_left_out_that_would_move_an_exponent_are_seen(analysis):
+    """Of three modes that are nearly one the exponents were 11 deviations off, each harmonic left out within noise."""
+    fit, mode = analysis.fit, analysis.fit.at.modes[0]
+    limits = Limits(highest=7)
+    assert not bent(fit.samples, fit.at, limits)
+    largest = int(np.argmax(np.abs(mode.shape[0])))
+    for bands in ((mode.turns[largest - 1 : largest + 2], mode.reach), (mode.turns, np.zeros(1))):
+        fewer = solve(fit.samples, rebuilt(fit.samples, fit.at, [mode.widened(*bands)]))
+        assert bent(fit.samples, fewer, limits)
+
+
+@pytest.mark.slow
+def test_a_shape_of_twelve_samples_has_as_many_harmonics():
+    """The exponents were 11 deviations off and passed: of twelve harmonics the search had eleven."""
+    draw = drawn(44, "ambient")
+    found = identify(record_of_draw(draw, 44, "ambient"), period=draw.system.period, excitation="ambient")
+    assert found.passed
+    assert pulls(draw.system, found.model).max() < 3.5
 
 
 def test_records_of_other_channels_or_units_are_refused(values):

@@ -8,8 +8,15 @@ import pytest
 from floquid.innovations._derivatives import gradient, slopes
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import matrices, predicted
-from floquid.innovations._solve import moved, solve
-from floquid.innovations.search._near_axis import block_of_pair, block_of_reals, ordinary, read_near_axis
+from floquid.innovations._solve import moved, normal_of, solve
+from floquid.innovations.search._bands import anchored
+from floquid.innovations.search._near_axis import (
+    block_of_pair,
+    block_of_reals,
+    ordinary,
+    read_near_axis,
+    with_near_blocks,
+)
 from floquid.inputs import Limits, samples_of
 
 OMEGA, STEP, COUNT = 1.3, 0.2, 600
@@ -65,6 +72,19 @@ def test_a_block_predicts_what_the_modes_do_that_it_stands_for(half, kind):
 
 
 @KINDS
+@pytest.mark.parametrize("which", [1, 2], ids=["modes", "block"])
+def test_what_is_anchored_is_what_has_no_information(half, kind, which):
+    """A block has two numbers for a scale: with one of them free, harmonics that are needed went."""
+    samples, at = blocks(half, kind)[0], blocks(half, kind)[which]
+    matrix, free = normal_of(samples, at).matrix, anchored(at)
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(size, size)
+    rank = np.count_nonzero(np.linalg.eigvalsh(scaled) > 1e-10)
+    assert np.count_nonzero(free) == rank
+    assert np.linalg.eigvalsh(scaled[np.ix_(free, free)]).min() > 1e-10
+
+
+@KINDS
 @pytest.mark.parametrize("square", [None, 0.0, 1e-9])
 def test_derivatives_of_a_block_are_those_of_differences_through_zero(half, kind, square):
     samples, _, at = blocks(half, kind)
@@ -104,7 +124,8 @@ def test_exponents_near_an_axis_are_read_for_both_kinds(far, open_kind):
         state = system @ state + driven[number] @ noise[:, number]
     samples = samples_of([values], [noise[:0]], [0.0], step=STEP, fundamental=OMEGA, hold="none")
     start = solve(samples, predicted(samples, modes, np.zeros((1, 1)), np.zeros((1, 2))))
-    near = read_near_axis(samples, start, Limits())
+    assert far is None or with_near_blocks(samples, start, Limits(), pairs=False) is start
+    near = read_near_axis(samples, with_near_blocks(samples, start, Limits()))
     assert [told.code for told in near.findings] == ["kind_open"] * open_kind
     assert near.at.log_likelihood > start.log_likelihood - 0.1
     truth = np.array([-0.1 + 1j * (far or 0.0), -0.1 - 1j * (far or 0.0)]) + (0.0 if far else np.array([0.02, -0.02]))

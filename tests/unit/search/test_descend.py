@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field, replace
 
-from floquid.search import Move, descended
+import numpy as np
+
+from floquid.search import Move, descended, longer
 
 HOUR = 3600.0
 
@@ -70,3 +72,13 @@ def test_a_fit_goes_on_once_and_a_budget_that_is_over_is_said():
     descended(point, lambda _: iter([[Move(-1.0, "settle", 0, again=True)]]), time.process_time() + HOUR)
     assert point.asked == [0]
     assert descended(Whole(0, (5.0, 4.0)), neighbours, 0.0).unfinished
+
+
+def test_bands_hold_as_many_harmonics_as_a_period_has_samples():
+    """Of twelve samples five on one side of a pair, and six on the other; of a real multiplier what turns alone."""
+    for samples, band in ((12, np.arange(-5.0, 6.5)), (13, np.arange(-6.0, 6.5))):
+        highest = 0.5 * (samples - 1)
+        assert np.array_equal(longer(np.zeros(1), samples, highest, real=False), band)
+        assert len(band) == samples
+    assert np.array_equal(longer(np.zeros(1), 12, 5.5, real=True), np.arange(6.0))
+    assert np.array_equal(longer(np.array([0.5]), 12, 5.5, real=True), np.arange(0.5, 6.0))

@@ -7,11 +7,12 @@ from itertools import product
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid.fit import FEW_STEPS, HALF_DIGITS, Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
+from floquid.fit import DEVIATIONS, FEW_STEPS, HALF_DIGITS, Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._solve import inverse_of, moved, places, roughly, solve
 from floquid.inputs import Limits, Samples
+from floquid.search import GAP
 
 STRIDE = 2  # harmonics beyond the end of a band that are looked at: each costs a state
 
@@ -22,17 +23,8 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = FEW_ST
     for _ in range(rounds if now.modes else 0):
         if limits.over:
             break
-        padded = rebuilt(samples, now, [mode.padded(STRIDE, limits.highest) for mode in now.modes])
-        assert padded is not None
+        padded, bands, fitted = _wider(samples, now, STRIDE, limits)
         normal = roughly(samples, padded)
-        bands = [
-            tuple(np.isin(new, old) for new, old in ((wide.turns, own.turns), (wide.reach, own.reach)))
-            for wide, own in zip(padded.modes, now.modes, strict=True)
-        ]
-        fitted = ~np.concatenate(
-            [_mask(mode, *(~own for own in band)) for mode, band in zip(padded.modes, bands, strict=True)]
-        )
-        fitted = np.concatenate([fitted, np.ones(len(normal.gradient) - len(fitted), bool)])
         inverse = inverse_of(normal, fitted & anchored(padded))
         modes, grew = [], False
         for mode, band, place in zip(padded.modes, bands, places(padded.modes), strict=True):
@@ -53,6 +45,37 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = FEW_ST
         assert start is not None
         now = centred(samples, solve(samples, start, rough=True))
     return now
+
+
+def bent(samples: Samples, now: Predictor, limits: Limits) -> bool:
+    """True where harmonics beside the bands would move an exponent, and further than noise does (Hausman 1978)."""
+    # Each is small, and together they still bend modes that are nearly one.
+    padded, _, fitted = _wider(samples, now, GAP, limits)
+    normal, own = roughly(samples, padded), np.flatnonzero(fitted)
+    whole, without = inverse_of(normal), np.zeros_like(normal.matrix)
+    without[np.ix_(own, own)] = inverse_of(
+        Normal(matrix=normal.matrix[np.ix_(own, own)], gradient=normal.gradient[own])
+    )
+    starts = zip(places(padded.modes), padded.modes, strict=True)
+    exponents = np.array([at.start + row for at, mode in starts for row in range(mode.rows)], np.int64)
+    variance = np.diag(without)[exponents]
+    more = np.maximum(np.diag(whole)[exponents] - variance, 0.0)
+    moved_by = ((whole - without)[exponents] @ normal.gradient) ** 2
+    return bool((moved_by > np.maximum(variance, DEVIATIONS**2 * more)).any())
+
+
+def _wider(
+    samples: Samples, now: Predictor, by: float, limits: Limits
+) -> tuple[Predictor, list[tuple[Mask, Mask]], Mask]:
+    """The predictor with harmonics more that are zero, those of each band that are old, and all such parameters."""
+    padded = rebuilt(samples, now, [mode.padded(by, limits.highest) for mode in now.modes])
+    assert padded is not None
+    bands = [
+        (np.isin(wide.turns, own.turns), np.isin(wide.reach, own.reach))
+        for wide, own in zip(padded.modes, now.modes, strict=True)
+    ]
+    fitted = [~_mask(mode, *(~own for own in band)) for mode, band in zip(padded.modes, bands, strict=True)]
+    return padded, bands, np.concatenate([*fitted, np.ones(padded.columns.size + padded.initial.size, bool)])
 
 
 def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
@@ -137,12 +160,16 @@ def anchored(now: Predictor) -> Mask:
             # The imaginary part of a real multiplier at harmonic zero has no effect.
             parts += [np.ones(values.size, bool), np.tile((band > 0.0) | (not mode.real), len(values))]
         own = np.concatenate(parts)
-        if mode.real:
-            gains = slice(mode.rows, mode.rows + 2 * mode.gains.size)
-            own[mode.rows + int(np.argmax(np.abs(mode.parameters[gains]) * own[gains]))] = False
-        else:
-            largest = mode.rows + int(np.argmax(np.abs(mode.gains)))
-            own[[largest, largest + mode.gains.size]] = False
+        # The scale of a pair is a complex number, of a block one of two parts: as many as each has states.
+        n, gains = mode.gains.size, np.arange(2 * mode.gains.size)
+        if mode.square is not None:
+            gains = gains.reshape(2, 2, n // 2).swapaxes(0, 1).reshape(2, n)
+        elif not mode.real:
+            gains = gains.reshape(2, n)
+        gains = np.atleast_2d(gains)
+        first, *second = mode.parameters[mode.rows :][gains] * own[mode.rows :][gains]
+        size = first**2 if not second else first**2 - (-1.0 if mode.square is None else mode.square) * second[0] ** 2
+        own[mode.rows + gains[:, int(np.argmax(np.abs(size)))]] = False
         free.append(own)
     return np.concatenate([*free, np.ones(now.columns.size + now.initial.size, bool)])
 

@@ -5,7 +5,7 @@ The equation, and which of them become blocks, are in `fit/_near_axis`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -23,16 +23,21 @@ from floquid.innovations.search._fewer import least, stable
 from floquid.inputs import Limits, Samples
 
 
-def read_near_axis(samples: Samples, now: Predictor, limits: Limits) -> NearAxis[Predictor]:
-    """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular."""
-    # Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
+def with_near_blocks(samples: Samples, now: Predictor, limits: Limits, *, pairs: bool = True) -> Predictor:
+    """The fit with the two real multipliers nearest to each other, and each pair near an axis, as a block."""
+    omega = samples.fundamental
+
+    def may_be(own: Predictor) -> Iterator[list[int]]:
+        found = couples(own.modes, inverse_of(roughly(samples, own)), _exponents(own.modes), omega)
+        return (numbers for numbers in found if pairs or len(numbers) == 2)
+
+    return with_blocks(now, may_be, lambda own, numbers: _as_block(samples, own, numbers, limits))
+
+
+def read_near_axis(samples: Samples, now: Predictor) -> NearAxis[Predictor]:
+    """The fit with the exponents of its blocks read from their mean and squared half-difference."""
     # Ordinary modes take the place of each block, behind all others.
     omega = samples.fundamental
-    now = with_blocks(
-        now,
-        lambda own: couples(own.modes, inverse_of(roughly(samples, own)), _exponents(own.modes), omega),
-        lambda own, numbers: _as_block(samples, own, numbers, limits),
-    )
     if all(mode.square is None for mode in now.modes):
         return NearAxis(now, {}, ())
     spread, rows, at_blocks = inverse_of(normal_of(samples, now)), _rows(now.modes), _exponents(now.modes)

@@ -16,9 +16,9 @@ from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._products import APART
 from floquid.innovations._solve import climbed, solve
-from floquid.innovations.search._bands import centred, grown, narrowed
+from floquid.innovations.search._bands import bent, centred, grown, narrowed
 from floquid.innovations.search._fewer import GONE, better, least, needed, spared, stable
-from floquid.innovations.search._near_axis import read_near_axis, with_real_ones
+from floquid.innovations.search._near_axis import read_near_axis, with_near_blocks, with_real_ones
 from floquid.inputs import (
     InputMode,
     Limits,
@@ -110,9 +110,11 @@ def _searched(
         now = with_real_ones(samples, fewer, loose)
         fewer = needed(samples, now, loose)
     now = _with_partners(samples, driven, now, loose)
+    # Where two real multipliers meet a fit creeps, and one of their block does not.
+    now = now if limits.over else with_near_blocks(samples, now, loose, pairs=False)
     now, unfinished = _to_the_end(samples, now, loose, report)
     now = centred(samples, now)
-    return (NearAxis(now, {}, ()) if unfinished else read_near_axis(samples, now, loose)), unfinished
+    return read_near_axis(samples, now if unfinished else with_near_blocks(samples, now, loose)), unfinished
 
 
 def _to_the_end(
@@ -126,12 +128,13 @@ def _to_the_end(
         start = reweighed(samples, wide)
         wide = solve(samples, start, rough=unfinished)  # a fit to the end may take as long again
         more = max(wide.n_parameters - now.n_parameters, 1)
-        if wide.log_likelihood - start.log_likelihood < chi2_limit(more, limits.mode_alarm) or not more_left:
+        settled = wide.log_likelihood - start.log_likelihood < chi2_limit(more, limits.mode_alarm)
+        if not more_left or (settled and (limits.over or not bent(samples, wide, limits))):
             break
         if unfinished := limits.over:
             break
         # Rough fits had stopped short of it: harmonics are to be looked for again.
-        now = narrowed(samples, grown(samples, wide, limits, rounds=2), limits)
+        now = wide if settled else narrowed(samples, grown(samples, wide, limits, rounds=2), limits)
     return wide, unfinished
 
 

@@ -132,7 +132,7 @@ def growths(point: Point, *, alone: bool = True) -> Iterator[Move[Structure]]:
 def far_growths(point: Point) -> Iterator[Move[Structure]]:
     """Harmonics of the outputs anywhere beyond the end of one band: weak ones may lie before strong ones."""
     # Those of the inputs are not looked for there: far ones make up for noise that drives the modes.
-    edits = list(_growths(point, ("turns",), 2 * point.limits.highest))
+    edits = list(_growths(point, ("turns",), int(2 * point.limits.highest)))
     if edits:
         best = min(edits, key=lambda each: each.change)
         least = max(1e-3, by_noise_beyond(point.scores, point.limits, -best.change))

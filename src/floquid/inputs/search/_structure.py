@@ -22,7 +22,8 @@ class Limits:
     # The probabilities that noise passes for a mode, and for a harmonic
     mode_alarm: float = 1e-9
     harmonic_alarm: float = 1e-6
-    highest: int = 12  # The highest harmonic of input and output
+    # The highest harmonic of input and output; of a pair the next whole number above zero where it is a half
+    highest: float = 12
     # Modes that may be found, at most, and poles; None for as many as there are
     modes: int = 20
     order: int | None = None
@@ -60,7 +61,7 @@ class Structure:
         """Without some modes."""
         return replace(self, modes=tuple(own for k, own in enumerate(self.modes) if k not in set(gone)))
 
-    def within(self, highest: int) -> Structure:
+    def within(self, highest: float) -> Structure:
         """With no harmonic beyond the highest; a band of none keeps the one nearest to it."""
         modes = []
         for mode in self.modes:

@@ -77,13 +77,14 @@ def identified_driven(prepared: Prepared, report: Callable[[str], None]) -> Anal
 
 
 def limits_of(settings: Settings, phases: float) -> Limits:
-    """Limits of a search in records of some samples a period."""
+    """Limits of a search in records of some samples a period, which hold as many harmonics of a pair."""
+    most = min(HIGHEST, 0.5 * max(int(phases + 1e-6) - 1, 0))
     return Limits(
         mode_alarm=settings.mode_false_alarm,
         harmonic_alarm=settings.harmonic_false_alarm,
         seconds=settings.seconds,
         order=settings.order,
-        highest=max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics,
+        highest=most if settings.harmonics is None else settings.harmonics,
     )
 
 
@@ -111,7 +112,7 @@ def unchecked(
 def at_limit(found: Linearisation, limits: Limits) -> bool:
     """True where a search found no mode, or one with as many harmonics as are looked for."""
     widest = max((max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes), default=np.inf)
-    return bool(widest >= limits.highest)
+    return bool(widest > limits.highest - 1.0)
 
 
 PERIOD = ("wrong_period", "period_twice")
