@@ -47,7 +47,14 @@ from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
 from floquid.preparation._options import Options, takes_settings
-from floquid.preparation._refuse import own_names, refuse_copies, refuse_period, refuse_short, refuse_unusable
+from floquid.preparation._refuse import (
+    own_names,
+    refuse_copies,
+    refuse_period,
+    refuse_short,
+    refuse_sizes,
+    refuse_unusable,
+)
 from floquid.preparation._settings import Settings, settings_of
 from floquid.sync import ShaftAngle, between_events, refuse_unlike, rejoin
 
@@ -232,6 +239,7 @@ def uneven_speed(shafts: Sequence[ShaftAngle]) -> tuple[Finding, ...]:
 
 def _excited(records: tuple[Record, ...], settings: Settings, report: Callable[[str], None], of: str) -> Prepared:
     """The outputs and inputs of records whose excitation goes on, mended, and what was done."""
+    refuse_sizes(records, of)
     records, begun_at = begun(records, settings)
     records, faults = mended(records, settings)
     with blas_threads(records):
