@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import tau
 
-from floquid.findings._phrases import both, hertz, valued
+from floquid.findings._phrases import both, hertz, resolved, valued
 
 
 def _mode(real: float | None, share: float) -> str:
@@ -141,8 +142,9 @@ def _unlike(
     probability: float,
     torn: bool = False,
 ) -> str:
+    gap = max(max(decays) - min(decays), tau * (max(frequencies) - min(frequencies)))
     each = [
-        f"hit {hit} has {alone:.5g} Hz and decays by {decay:.4g} 1/s"
+        f"hit {hit} has {resolved(alone, 5, gap / tau)} Hz and decays by {resolved(decay, 4, gap)} 1/s"
         for hit, decay, alone in zip(hits, decays, frequencies, strict=True)
     ]
     return (
