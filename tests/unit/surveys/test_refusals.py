@@ -72,6 +72,13 @@ def test_a_system_that_repeats_within_its_period_is_told(points):
     told = [len([own for own in survey(of, over="speed").warnings if "--periods-per-rev 2" in own]) for of in
             (points, [*points[:2], even[2]], [points[0], *even[1:]])]  # fmt: skip
     assert told == [0, 0, 1]
+    # At half a revolution a period, as `--periods-per-rev 2` makes them: before, that was the advice.
+    for periods, advice in ((1, "of it: `--periods-per-rev 2`."), (2, "of it: `--periods-per-rev 4`.")):
+        turned = [
+            changed(own, values={"speed_rpm": 60.0 / (periods * own.model.period), "speed": own.values["speed"]})
+            for own in even
+        ]
+        assert sum(advice in own for own in survey(turned, over="speed").warnings) == 1
 
 
 def test_two_points_give_a_table(points):
