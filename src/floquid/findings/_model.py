@@ -122,12 +122,12 @@ def _undamped(frequencies: Sequence[float], on: int) -> str:
 
 
 def _families(lines: int, spacings: int, families: int, frequency: float, odds: float) -> str:
-    spaced = "one spacing" if spacings == 1 else f"{spacings} spacings"
-    several = "one family" if families == 1 else f"{families} families"
-    return (
-        f"{lines} lines that decay form {several} with {spaced} of multiples of {frequency:.6g} Hz. The odds against "
-        f"chance, from frequencies alone, are 1e{odds:.1f}."
-    )
+    modes = "one mode" if families == 1 else f"{families} modes"
+    are = f"multiples of {frequency:.6g} Hz away from stronger ones: sidebands of {modes}"
+    if spacings == 1:
+        are = f"a multiple of {frequency:.6g} Hz away from a stronger one: a sideband of one mode"
+    some = f"One of {lines} lines that decay is" if spacings == 1 else f"{spacings} of {lines} lines that decay are"
+    return f"{some} {are}. The odds against chance, by frequencies alone, are 1e{odds:.1f} to 1."
 
 
 def _chance(probability: float) -> str:
