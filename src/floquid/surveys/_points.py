@@ -173,6 +173,8 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
         lines = [modes.shape(mode) for mode in range(modes.order)]
         model = _one_hit(modes, lines)
     weak = np.zeros(model.order, bool)
+    # By its verdict, as of the result alone: of one that was not checked there is none.
+    fails = judged and bool(result.reasons) and (result.failed or not (result.passed or result.passed is None))
     if judged:
         std = model.exponent_std
         weak[:] = True if std is None else np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental
@@ -182,7 +184,7 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
         model=model,
         passed=not judged or bool(result.passed),
         weak=weak,
-        reason=result.reasons[0] if judged and result.failed else None,
+        reason=result.reasons[0] if fails else None,
         **(_read(model if known else result, shapes) if shapes else {}),
         agreement=None if known else np.array([shape.agreement for shape in lines]),
         sidebands=sidebands_of(modes) if sidebands and not known else None,
