@@ -15,6 +15,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from floquid._arrays import BLOCK
 from floquid._show import Brief
 from floquid.errors import InputError
 
@@ -246,6 +247,18 @@ def an_instance(value: object, kind: type[Made], argument: str, of: str, remedy:
         article = "an" if kind.__name__[0] in "AEIO" else "a"
         raise wrong_value(argument, of, f"be {article} {kind.__name__}", value, remedy)
     return value
+
+
+LARGEST = float(np.finfo(float).max / BLOCK) ** 0.25
+"""Bound on a channel's largest value, and on one over it: sums of fourth powers beyond leave floating point."""
+
+
+def refuse_size(largest: float, name: str, argument: str, of: str) -> None:
+    """Refuse a channel, named as in a message, whose largest value is of a size that cannot be computed with."""
+    if largest > LARGEST or 0.0 < largest < 1.0 / LARGEST:
+        must = f"have values whose squares can be computed with, between {1.0 / LARGEST:.1g} and {LARGEST:.1g}"
+        remedy = "Give it in another unit, or leave it out with `channels=`."
+        raise input_error(argument, of, must, f"{name} reaches {largest:.3g}", remedy)
 
 
 def kind_of(thing: object) -> str:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK, Complexes, Floats, Integers
-from floquid._checks import Rebuilt, input_error, several
+from floquid._arrays import Complexes, Floats, Integers
+from floquid._checks import Rebuilt, input_error, refuse_size, several
 from floquid.core import Channel, Cycles, Provenance
 from floquid.fit import HALF_DIGITS, LAGS, ROUNDING, filter_gain, filtered, yule_walker
 from floquid.lti import COLOURED, FEWEST, ModalModel, TimeResponses, white_noise_std
@@ -24,9 +24,6 @@ FLOOR = 1e-10
 """The noise is taken to be at least this share of a channel's largest value: records are never exact beyond it."""
 
 SINGLE = 0.5 * float(np.finfo(np.float32).eps)  # the same for samples that were stored in single precision
-
-LARGEST = float(np.finfo(float).max / BLOCK) ** 0.25
-"""Bound on a channel's largest value, and on one over it: sums of fourth powers beyond leave floating point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -240,10 +237,7 @@ def refuse_values(
             raise input_error(argument, of, must, got, "Leave it out with `channels=`.")
         lowest, highest = float(there.min()), float(there.max())
         largest = max(highest, -lowest)
-        if largest > LARGEST or 0.0 < largest < 1.0 / LARGEST:
-            must = f"have values whose squares can be computed with, between {1.0 / LARGEST:.1g} and {LARGEST:.1g}"
-            remedy = "Give it in another unit, or leave it out with `channels=`."
-            raise input_error(argument, of, must, f"{name} reaches {largest:.3g}", remedy)
+        refuse_size(largest, name, argument, of)
         if highest - lowest <= ROUNDING * largest:
             must, got = "have channels that vary", f"{name} is constant ({there.flat[0]:g})"
             raise input_error(argument, of, must, got, "Leave it out with `channels=`, or check its sensor.")

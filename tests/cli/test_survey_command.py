@@ -93,7 +93,7 @@ def test_the_page_of_a_survey(runs):
     typed(f"survey runs {QUICK} --out out")
     page = survey_page(fq.load("out/survey.h5"), title=None)
     assert page.index('id="verdict"') < page.index('id="edges"') < page.index('id="tracks"')
-    unsure = "0 of 5 points pass their checks, 4 with a remainder or not checked, 1 without a result."
+    unsure = "0 of 5 points pass their checks, 4 not checked, 1 without a result."
     assert f"{unsure} 2 edges of instability." in page
 
 

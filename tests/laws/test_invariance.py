@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from tests.driven import ambient_of, creeping, mathieu, mathieu_and_lag, paper_rotor, record_of, two_masses
 
-from floquid import ConstantPeriod, Record, identify
+from floquid import ConstantPeriod, InputError, Record, identify, measure_transfer
 from floquid.innovations import _solve as ambient_fits
 from floquid.innovations.search import _search as ambient_search
 from floquid.inputs.search import _bands as driven_fits
 from floquid.periodic.search import Point
+from floquid.preparation import propose
 
 FREE = {"rotor": (paper_rotor(), 30), "lag": (mathieu_and_lag(), 10), "masses": (two_masses(), 12)}
 DRIVEN = {"masses": two_masses(), "lag": mathieu_and_lag(), "creeping": creeping(0.0145)}
@@ -48,11 +49,14 @@ CASES = [
 """The first of them is for every day: outputs alone take six seconds."""
 
 
-def identified(system, values, phases, options):
+def record_from(system, values, phases):
     names = [f"y{number}" for number in range(len(values))]
     clock = ConstantPeriod(period=system.period)
-    record = Record(values=values, sample_rate=phases / system.period, channels=names, clock=clock)
-    return identify(record, validate=False, **options)
+    return Record(values=values, sample_rate=phases / system.period, channels=names, clock=clock)
+
+
+def identified(system, values, phases, options):
+    return identify(record_from(system, values, phases), validate=False, **options)
 
 
 def gap(one, other):
@@ -71,6 +75,38 @@ def test_units_of_the_channels_change_nothing(of, name, seed):
     size = np.where(np.arange(len(values)) % 2, 1.0, 1e6)[:, None]
     own, large = (identified(system, by * values, phases, options) for by in (1.0, size))
     assert gap(own, large) < 1e-5
+
+
+def small(kind):
+    """Mathieu's equation, quickly identified."""
+    system, generator = mathieu(), np.random.default_rng(1)
+    if kind == "ambient":
+        return system, ambient_of(system, 150, 16, 0.02, 0), {"excitation": "ambient"}
+    forces = generator.standard_normal((1, 800)) * (kind == "inputs")
+    values = system.response(forces, 16, np.ones(2))
+    values += 0.01 * values.std() * generator.standard_normal(values.shape)
+    return (system, np.concatenate([values, forces]), {"inputs": ["y1"]}) if forces.any() else (system, values, {})
+
+
+@pytest.mark.parametrize("kind", ["free", "inputs", "ambient"])
+def test_any_unit_will_do_whose_squares_can_be_computed_with(kind):
+    """Before: single precision overflowed for inputs of 1e-18, outputs alone of 1e-200 ended in an assertion."""
+    system, values, options = small(kind)
+    sizes = np.array([[1e70], [1e-70]])[: len(values)]
+    assert gap(*(identified(system, by * values, 16, options) for by in (1.0, sizes))) < 1e-6
+    for by in (1e-200, 1e-100, 1e100, 1e160):
+        with pytest.raises(InputError, match=r"squares can be computed with.*'y0' of record 1 reaches"):
+            identified(system, by * values, 16, options)
+
+
+def test_records_in_other_units_are_measured_and_proposed_alike():
+    """Before: an overflow in the proposal, which could be none of outputs of 1e-200."""
+    system, values, options = small("inputs")
+    with pytest.raises(InputError, match="squares can be computed with"):
+        measure_transfer(record_from(system, 1e160 * values, 16), **options)
+    system, values, options = small("ambient")
+    for by in (1e-200, 1.0, 1e160):
+        assert propose(record_from(system, by * values, 16)).settings == options
 
 
 @pytest.mark.first(1)

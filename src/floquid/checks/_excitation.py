@@ -110,7 +110,8 @@ def _no_estimates(
     which = claimed & (short > SHORT[0])
     if which.any():
         report, most = failure if short[which].max() > SHORT[1] else warning, float(short[which].max())
-        findings.append(report("ambient_short", frequencies=hertz[which].tolist(), deviations=most))
+        inputs = bool(len(fit.samples.inputs))
+        findings.append(report("ambient_short", frequencies=hertz[which].tolist(), deviations=most, inputs=inputs))
     return findings
 
 

@@ -193,7 +193,7 @@ def _joined(work: _Work, sides: tuple[Side, Side], held: Sequence[tuple[Point, P
         warnings.append(f"Points are paired whose {over} differs by up to {100.0 * work.values:.2g} %.")
     if work.periods > STEADY:
         warnings.append(f"The periods differ by {100.0 * work.periods:.2g} %: so do the lines λ + imω of each mode.")
-    independent = not sides[0].rows & sides[1].rows
+    independent = not any({*one.marks} & {*other.marks} for one, other in held)
     counts = work.dof > 0 and independent
     return Comparison(
         a=sides[0].label,

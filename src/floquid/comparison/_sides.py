@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 from textwrap import shorten
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 
 from floquid._checks import input_error, kind_of, wrong_value
 from floquid._show import late
-from floquid.core import PeriodicModel, Record
+from floquid.core import PeriodicModel
 from floquid.errors import InputError
 from floquid.floquet import read_matrix
 from floquid.io import is_result
@@ -38,7 +37,6 @@ class Side:
     over: str | None = None  # the quantity that a survey goes over; None of one point
     # The system at a point of the other side; None where the points are all there is
     system: Callable[[Point, str | None], Any] | None = None
-    rows: frozenset[str] = frozenset()  # a mark of the samples of each channel that it was identified from
 
 
 def side_of(thing: Any, argument: str, of: str) -> Side:
@@ -61,13 +59,7 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
         must = "be a result, a survey, modes, a known system, a file of one of these, or systems:NAME"
         raise wrong_value(argument, of, must, thing) from None
     label = shorten("; ".join(point.files), 60, placeholder=" …") or type(thing).__name__
-    return Side(label=label, points=(point,), rows=_marks(getattr(thing, "records", ())))
-
-
-def _marks(records: Sequence[Record]) -> frozenset[str]:
-    """Marks of the samples of each channel of the records of an analysis; none of what has no records."""
-    rows = [row for record in records for row in record.values if np.ptp(row) > 0.0]
-    return frozenset(sha256(np.ascontiguousarray(row).tobytes()).hexdigest() for row in rows)
+    return Side(label=label, points=(point,))
 
 
 def _function(made: Callable[[float], Any], argument: str, of: str) -> Callable[[Point, str | None], Any]:

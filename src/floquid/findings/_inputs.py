@@ -43,10 +43,10 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"Nearer to each other than their decay or their deviations: {_at(frequencies)}. They may be one, or coloured "
         "excitation. Do not quote those that die within a period."
     ),
-    "ambient_short": lambda frequencies, deviations: (
+    "ambient_short": lambda frequencies, deviations, inputs=False: (
         f"The fit stopped {deviations:.2g} deviations short of its maximum: {_at(frequencies)}. Exponents may be off "
-        "by that much more than their deviations. Use a longer record. Where nothing acts beside measured inputs, "
-        "leave `excitation=` out."
+        "by that much more than their deviations. Use a longer record."
+        + (" Where nothing acts beside the measured inputs, leave `excitation=` out." if inputs else "")
     ),
 }
 """By code."""

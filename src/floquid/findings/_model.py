@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import tau
 
-from floquid.findings._phrases import both, hertz, valued
+from floquid.findings._phrases import both, hertz, resolved, valued
 
 
 def _mode(real: float | None, share: float) -> str:
@@ -121,12 +122,12 @@ def _undamped(frequencies: Sequence[float], on: int) -> str:
 
 
 def _families(lines: int, spacings: int, families: int, frequency: float, odds: float) -> str:
-    spaced = "one spacing" if spacings == 1 else f"{spacings} spacings"
-    several = "one family" if families == 1 else f"{families} families"
-    return (
-        f"{lines} lines that decay form {several} with {spaced} of multiples of {frequency:.6g} Hz. The odds against "
-        f"chance, from frequencies alone, are 1e{odds:.1f}."
-    )
+    modes = "one mode" if families == 1 else f"{families} modes"
+    are = f"multiples of {frequency:.6g} Hz away from stronger ones: sidebands of {modes}"
+    if spacings == 1:
+        are = f"a multiple of {frequency:.6g} Hz away from a stronger one: a sideband of one mode"
+    some = f"One of {lines} lines that decay is" if spacings == 1 else f"{spacings} of {lines} lines that decay are"
+    return f"{some} {are}. The odds against chance, by frequencies alone, are 1e{odds:.1f} to 1."
 
 
 def _chance(probability: float) -> str:
@@ -141,8 +142,9 @@ def _unlike(
     probability: float,
     torn: bool = False,
 ) -> str:
+    gap = max(max(decays) - min(decays), tau * (max(frequencies) - min(frequencies)))
     each = [
-        f"hit {hit} has {alone:.5g} Hz and decays by {decay:.4g} 1/s"
+        f"hit {hit} has {resolved(alone, 5, gap / tau)} Hz and decays by {resolved(decay, 4, gap)} 1/s"
         for hit, decay, alone in zip(hits, decays, frequencies, strict=True)
     ]
     return (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import floor, log10
 
 LISTED = 1  # places of one kind that are named, the worst first: each takes two lines of a terminal
 
@@ -31,3 +32,9 @@ def valued(size: str, unit: str) -> str:
 def hertz(frequencies: Sequence[float]) -> str:
     """Frequencies in a row: «1.2 and 3.4 Hz»."""
     return f"{both([f'{frequency:.4g}' for frequency in frequencies])} Hz"
+
+
+def resolved(value: float, least: int, gap: float) -> str:
+    """A value with `least` digits, or with as many as a difference of `gap` needs to show."""
+    more = floor(log10(abs(value))) - floor(log10(gap)) + 2 if value and gap else 0
+    return f"{value:.{max(least, more)}g}"

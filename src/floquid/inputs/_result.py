@@ -122,7 +122,7 @@ class Uncertainty(DrivenFit):
 
     @cached_property
     def _scores(self) -> Scores:
-        return Scores(self.samples, self.at)
+        return Scores(self.samples, self.at, rough=False)
 
     @cached_property
     def _driven(self) -> list[tuple[int, float]]:

@@ -123,7 +123,10 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
 def judge_products(data: TimeResponses, model: ModalModel, identifier: Ensemble) -> Choice:
     """The order of a `model` of outer products, by what its modes explain in the responses of all hits in `data`."""
     weighed = identifier.weigh(identifier.prepare(data), model)
-    return Choice(order=model.order, model=model, findings=(_weakest(*weighed), note("no_shared_multipliers")))
+    findings = [_weakest(*weighed), note("no_shared_multipliers")]
+    if model.outcome is not Outcome.SUCCESS:
+        findings.append(warning(model.outcome.value))
+    return Choice(order=model.order, model=model, findings=tuple(findings))
 
 
 def _findings(evidence: Evidence) -> list[Finding]:

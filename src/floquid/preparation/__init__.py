@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from floquid.preparation._options import Options, Reading, RecordOptions, takes_settings
     from floquid.preparation._prepare import Prepared, blas_threads, prepare, uneven_speed
     from floquid.preparation._proposal import Candidate, Proposal, propose
-    from floquid.preparation._refuse import NO_NEWS, name_of, own_names, refuse_few
+    from floquid.preparation._refuse import NO_NEWS, name_of, own_names, refuse_few, refuse_sizes
     from floquid.preparation._settings import SHORT, Excitation, IdentifierName, Settings, for_command, settings_of
 
 __all__ = ["Candidate", "Prepared", "Proposal", "Reading", "Settings", "prepare", "propose"]
@@ -31,6 +31,6 @@ __getattr__, __dir__ = named_late(
     _options="Options Reading RecordOptions takes_settings",
     _prepare="Prepared blas_threads prepare uneven_speed",
     _proposal="Candidate Proposal propose",
-    _refuse="NO_NEWS name_of own_names refuse_few",
+    _refuse="NO_NEWS name_of own_names refuse_few refuse_sizes",
     _settings="SHORT Excitation IdentifierName Settings for_command settings_of",
 )

@@ -90,14 +90,14 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
 
 def goes_on(values: Floats) -> bool:
     """True for a force (samples,) that is no series of blows."""
-    about = values - np.nanmedian(values)
+    about = _bounded(values - np.nanmedian(values))
     size = float(np.sqrt(np.nanmean(about**2)))
     return size > 0.0 and float(np.nanmax(np.abs(about))) < PEAKED * size
 
 
 def is_white(values: Floats) -> bool:
     """True where the energy of a channel (samples,) is spread over its spectrum as that of noise."""
-    filled = np.nan_to_num(values - np.nanmean(values))
+    filled = _bounded(np.nan_to_num(values - np.nanmean(values)))
     power = np.abs(np.fft.rfft(filled * np.hanning(len(filled)))) ** 2
     return _spread(power) >= WHITE * len(power)
 
@@ -130,5 +130,10 @@ def is_random(record: Record, period: float | None) -> bool:
 
 def _scaled(values: Floats) -> Floats:
     """A channel (samples,) about its mean, of unit size, missing samples zero."""
-    filled = np.nan_to_num(values - np.nanmean(values))
+    filled = _bounded(np.nan_to_num(values - np.nanmean(values)))
     return filled / max(float(np.sqrt(np.mean(filled**2))), np.finfo(float).tiny)
+
+
+def _bounded(values: Floats) -> Floats:
+    """Values (samples,) over the largest of them: squares stay within floating point in any unit."""
+    return values / max(float(np.fmax.reduce(np.abs(values), initial=0.0)), np.finfo(float).tiny)

@@ -47,7 +47,14 @@ from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
 from floquid.preparation._options import Options, takes_settings
-from floquid.preparation._refuse import own_names, refuse_copies, refuse_period, refuse_short, refuse_unusable
+from floquid.preparation._refuse import (
+    own_names,
+    refuse_copies,
+    refuse_period,
+    refuse_short,
+    refuse_sizes,
+    refuse_unusable,
+)
 from floquid.preparation._settings import Settings, settings_of
 from floquid.sync import ShaftAngle, between_events, refuse_unlike, rejoin
 
@@ -70,7 +77,7 @@ def by_events(
     findings.append(note("between_events", records=len(cycles), phases=cycles[0].n_phases, **numbers))
     forced = settings.forced
     if forced == "auto" and len(cycles) > 2 and not any(np.isnan(hit.values).any() for hit in cycles):
-        orbit = common_orbit(cycles, settings.mode_false_alarm)
+        orbit = common_orbit(cycles, settings.mode_false_alarm, settings.seconds)
         cycles = tuple(replace(hit, values=hit.values - orbit[:, :, None]) for hit in cycles)
         findings.append(note("common_orbit", records=len(cycles), periods=len(lengths)))
         forced = "none"
@@ -81,7 +88,7 @@ def by_events(
     return tuple(used), replace(settings, events=None, forced=forced), tuple(findings)
 
 
-def common_orbit(cycles: Sequence[Cycles], false_alarm: float) -> Floats:
+def common_orbit(cycles: Sequence[Cycles], false_alarm: float, seconds: float = np.inf) -> Floats:
     r"""The orbit that all records are about, beside decays of their own (channels, phases).
 
     .. math:: y_{r}[k] = o + \sum_j \psi_j\, l_{r,j}\, \mu_j^k
@@ -93,7 +100,8 @@ def common_orbit(cycles: Sequence[Cycles], false_alarm: float) -> Floats:
     values = [np.concatenate(list(hit.values)) for hit in cycles]  # (channels · phases, periods)
     channels, phases, _ = cycles[0].values.shape
     orbit, order = np.concatenate(values, axis=1).mean(axis=1), None
-    identifier, several = Ensemble(false_alarm=false_alarm), [own for own in values if own.shape[1] > 1]
+    identifier = Ensemble(false_alarm=false_alarm, seconds=seconds)
+    several = [own for own in values if own.shape[1] > 1]
     for look in range(ROUNDS if several else 0):
         part = [own - orbit[:, None] for own in several] if look else [np.diff(own) for own in several]
         data = _responses(part, channels)
@@ -232,6 +240,7 @@ def uneven_speed(shafts: Sequence[ShaftAngle]) -> tuple[Finding, ...]:
 
 def _excited(records: tuple[Record, ...], settings: Settings, report: Callable[[str], None], of: str) -> Prepared:
     """The outputs and inputs of records whose excitation goes on, mended, and what was done."""
+    refuse_sizes(records, of)
     records, begun_at = begun(records, settings)
     records, faults = mended(records, settings)
     with blas_threads(records):

@@ -10,7 +10,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from floquid._checks import input_error
+from floquid._checks import input_error, refuse_size
 from floquid.core import PhaseClock, Record
 from floquid.errors import IdentificationError, InputError
 from floquid.preparation._settings import Settings
@@ -119,6 +119,15 @@ def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
         for fault in wrapped(record):
             must, remedy = "hold the samples that were measured", "Read them as wider integers, or measure anew."
             raise input_error("records", of, must, f"in record {number} {fault.clause}", remedy)
+
+
+def refuse_sizes(records: Sequence[Record], of: str) -> None:
+    """Refuse a channel that cannot be computed with, whatever it is used for but a clock."""
+    for number, record in enumerate(records, start=1):
+        for channel, values in zip(record.channels, record.values, strict=True):
+            if channel.name != record.clock_channel:
+                largest = float(np.fmax.reduce(np.abs(values), initial=0.0))
+                refuse_size(largest, f"channel {channel.name!r} of record {number}", "records", of)
 
 
 def refuse_copies(records: Sequence[Record], of: str = "identify") -> None:

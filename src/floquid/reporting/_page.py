@@ -45,6 +45,7 @@ from floquid.views import (
     DampingUnit,
     SpeedUnit,
     branch_words,
+    couple_words,
     mode_table,
     note_meanings,
     spectra_of_modes,
@@ -230,7 +231,7 @@ def verdict_of(analysis: Analysis) -> dict[str, Any]:
 def modes_of(analysis: Analysis, unit: DampingUnit = "percent") -> dict[str, Any]:
     """The table of modes as the templates have it, damping in a `unit`."""
     table, bands = mode_table(analysis, damping_unit=unit), analysis.model.exponent_std is not None
-    damping, meanings = words.minus(DAMPING_WORDS[unit]), note_meanings(table)
+    damping, meanings = words.minus(DAMPING_WORDS[unit]), [*note_meanings(table), *couple_words(analysis.model)]
     branch = branch_words(analysis)
     return {
         "table": table, "damping": damping, "meanings": meanings, "bands": bands, "fails": analysis.failed,

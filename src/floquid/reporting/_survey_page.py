@@ -80,7 +80,7 @@ def _counts(found: Survey) -> str:
     lost = sum(point.model is None for point in found.points)
     failed = sum(point.reason is not None for point in found.points) - lost
     others = {
-        "fail": failed, "with a remainder or not checked": total - passed - failed - lost, "without a result": lost,
+        "fail": failed, "not checked": total - passed - failed - lost, "without a result": lost,
     }  # fmt: skip
     listing = ", ".join(
         [f"{passed} of {total} points pass their checks", *(f"{n} {w}" for w, n in others.items() if n)]
@@ -90,7 +90,8 @@ def _counts(found: Survey) -> str:
 
 def _point_row(found: Survey, point: Point) -> tuple[str, ...]:
     order = "" if point.model is None else str(point.model.order)
-    state = "passed" if point.passed else "no result" if point.model is None else "not passed"
+    unsure = "no result" if point.model is None else "fails" if point.reason else "not checked"
+    state = "passed" if point.passed else unsure
     return f"{point.values[found.over]:g}", "; ".join(point.files), order, state, point.reason or ""
 
 

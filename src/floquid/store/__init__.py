@@ -92,8 +92,8 @@ What is found of several records has a `kind` too. A survey, "survey"::
     /over, /confidence, /notes, /warnings, /unlinked    the quantity, the probability of an interval of an edge,
                                     sentences, and modes on no track (point and mode)
     /shapes                         how shapes were read: JSON
-    /points/point1, ...             values/, files, passed, weak and names (modes,), reason, whirl (modes, 2), blades
-                                    (modes, 4), whirl_interval and leak_interval (modes, 2); model/ of one hit
+    /points/point1, ...             values/, files, marks, passed, weak and names (modes,), reason, whirl (modes, 2),
+                                    blades (modes, 4), whirl_interval and leak_interval (modes, 2); model/ of one hit
     /tracks/track1, ...             name, and over its places: points, modes (the second -1 of no couple), exponents,
                                     exponent_std, shifts, mirrored, weak, confidence, mac, cost, runner_up, whirl,
                                     whirl_std, names, name_share, leak, leak_std; whirl_interval and leak_interval

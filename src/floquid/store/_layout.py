@@ -28,7 +28,7 @@ KINDS: dict[str, Any] = {own.kind: own for own in (Survey, Comparison, Updated, 
 
 ABSENT = (
     "later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement", "whirl_interval",
-    "leak_interval", "confidence",
+    "leak_interval", "confidence", "marks",
 )  # fmt: skip
 """Fields that files from before them lack."""
 
@@ -41,7 +41,7 @@ FLAGS = (
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "names", "states", "channel", "channels",
     "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings", "warnings", "method",
-    "hold", "place", "files", "reason", "over", "notes",
+    "hold", "place", "files", "reason", "over", "notes", "marks",
 )  # fmt: skip
 """Names of datasets of text, beside those of fields that are declared as such."""
 
@@ -146,6 +146,7 @@ LAYOUT: dict[type, dict[str, str | type | list[type]]] = {
     Point: {
         "values": dict,
         "files": "files",
+        "marks": "marks",
         "passed": "",
         "weak": "modes",
         "reason": "",

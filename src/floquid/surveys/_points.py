@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, wrong_value
-from floquid.core import Channel, PeriodicModel, Shape
+from floquid.core import Channel, PeriodicModel, Record, Shape
 from floquid.floquet import (
     AbstractPeriodicMatrix,
     FloquetModes,
@@ -172,6 +173,8 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
         lines = [modes.shape(mode) for mode in range(modes.order)]
         model = _one_hit(modes, lines)
     weak = np.zeros(model.order, bool)
+    # By its verdict, as of the result alone: of one that was not checked there is none.
+    fails = judged and bool(result.reasons) and (result.failed or not (result.passed or result.passed is None))
     if judged:
         std = model.exponent_std
         weak[:] = True if std is None else np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental
@@ -181,11 +184,18 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
         model=model,
         passed=not judged or bool(result.passed),
         weak=weak,
-        reason=result.reasons[0] if judged and result.failed else None,
+        reason=result.reasons[0] if fails else None,
         **(_read(model if known else result, shapes) if shapes else {}),
         agreement=None if known else np.array([shape.agreement for shape in lines]),
         sidebands=sidebands_of(modes) if sidebands and not known else None,
+        marks=_marks(getattr(result, "records", ())),
     )
+
+
+def _marks(records: Sequence[Record]) -> tuple[str, ...]:
+    """Marks of the samples of each channel of the records of an analysis; none of what has no records."""
+    rows = [row for record in records for row in record.values if np.ptp(row) > 0.0]
+    return tuple(sha256(np.ascontiguousarray(row).tobytes()).hexdigest() for row in rows)
 
 
 def _read(result: Any, shapes: ShapeOptions) -> dict[str, Any]:

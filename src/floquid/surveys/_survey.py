@@ -16,7 +16,7 @@ from floquid._arrays import Floats
 from floquid._checks import counted, input_error, integer, positive, wrong_value
 from floquid._show import late
 from floquid.checks import repeats_of
-from floquid.shapes import Blades, Pairs, ShapeOptions, Words, ordinal
+from floquid.shapes import APART, Blades, Pairs, ShapeOptions, Words, ordinal
 from floquid.surveys._edges import Crossing, Followed, crossings
 from floquid.surveys._objects import Seen, similarities
 from floquid.surveys._points import OF, check_points, known_modes, objects_of, point_of
@@ -219,8 +219,12 @@ def _repeated(points: Sequence[Point]) -> list[str]:
     if times == 1 or 2 * number <= len(points):
         return []
     seen = f"At {number} of {counted(len(points), 'point')} the system repeats {times} times within its period."
-    remedy = f"Identify with that part of the period: of a revolution, `--periods-per-rev {times}`."
-    return [f"{seen} {remedy}"]
+    speeds = [(point.model, point.values.get("speed_rpm")) for point in points if point.model is not None]
+    given = float(np.median([60.0 / (model.period * speed) for model, speed in speeds if speed] or [0.0]))
+    # Periods are whole parts of a revolution already, or the speed is that of another shaft.
+    if given > 0.5 and abs(given - round(given)) < APART:
+        return [f"{seen} Identify with that part of it: `--periods-per-rev {times * round(given)}`."]
+    return [f"{seen} Identify with that part of it: where it is a revolution, `--periods-per-rev {times}`."]
 
 
 def _doubts(tracks: Sequence[Track], values: Floats) -> list[str]:

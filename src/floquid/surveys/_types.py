@@ -49,6 +49,9 @@ class Point(Sealed):
         One where all hits have one shape of a mode, less where it stands for several (modes,); None of a known system.
     sidebands
         Lines beside the main line of each mode, where they were asked for; a file of a survey does not keep them.
+    marks
+        A mark of the samples of each channel that it was identified from: errors of points that share one are not
+        independent.
     """
 
     values: Mapping[str, float]
@@ -64,6 +67,7 @@ class Point(Sealed):
     leak_interval: Floats | None = None
     agreement: Floats | None = None
     sidebands: Sidebands | None = None
+    marks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         Sealed.__post_init__(self)

@@ -27,6 +27,7 @@ from floquid.views._mode_table import (
     branch_of,
     branch_words,
     check_damping_unit,
+    couple_words,
     decrement,
     mode_notes,
     mode_numbers,
@@ -77,7 +78,7 @@ from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence
 __all__ = [
     "DAMPING_WORDS", "MODE_NOTES", "DampingUnit", "Family", "ModeTable", "ShapeCurves", "SpectraOfModes", "Spectrum",
     "SpeedUnit", "Synchronisation", "Synthesis", "branch_of", "branch_words", "check_analysis", "check_damping_unit",
-    "closed_period", "cycle_words", "decrement", "done_words", "element_unit", "ellipse", "envelope",
+    "closed_period", "couple_words", "cycle_words", "decrement", "done_words", "element_unit", "ellipse", "envelope",
     "exponent_ellipses", "families", "grows", "impedance", "in_short", "in_strip", "in_unit", "input_unit",
     "lifted_points", "lifted_spectrum", "magnitude_bands", "mode_notes", "mode_numbers", "mode_table",
     "multiplier_ellipses", "note_meanings", "outcome_lines", "over_label", "over_unit", "passed_words", "period_words",

@@ -267,3 +267,9 @@ def note_meanings(table: ModeTable) -> list[str]:
     """The "word: meaning" of each word in the notes of a `table` of modes."""
     used = {word for cell in table["note"] for word in cell.split()}
     return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]
+
+
+def couple_words(model: PeriodicModel) -> list[str]:
+    """The rows of the table of modes of a `model` that two by two are one mode: a pair that is locked to the period."""
+    rows = [[model.upper_modes.index(mode) + 1 for mode in couple] for couple in model.couples]
+    return [f"rows {first} and {second}: one mode, locked to the period as two multipliers" for first, second in rows]

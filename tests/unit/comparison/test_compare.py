@@ -250,6 +250,20 @@ def test_the_same_record_gives_no_chi_square():
     assert "p = " in fq.compare(found[0], "systems:jeffcott,damping=0.02").summary()
 
 
+def test_the_same_record_in_a_survey_gives_no_chi_square(tmp_path):
+    """Before: χ² 0 and p 1, as if the deviations explained that there was no difference."""
+    record = replace(JeffcottRotor(damping=0.02).simulate(n_periods=20, noise=0.01), point={"load": 1.0})
+    found = fq.identify(record, channels=["X", "Y"], validate=False)
+    other = Point(values={"load": 2.0}, model=found.model)
+    survey = fq.survey([found, other], over="load")
+    fq.save(survey, tmp_path / "survey.h5")
+    for side in (survey, tmp_path / "survey.h5"):
+        same = fq.compare(found, side)
+        assert (same.chi2, same.independent) == (None, False)
+        assert "No χ²: both sides are identified from one record" in same.summary()
+    assert fq.compare(other, survey).independent
+
+
 @pytest.mark.parametrize("speed", [OUTSIDE, LOCKED])
 def test_the_figure(speed):
     found = fq.compare(known(speed, seed=1, **NOISE), known(speed))

@@ -30,15 +30,15 @@ def test_a_product_names_the_modes_it_is_of(of, names):
 @pytest.mark.parametrize(
     ("spacings", "families", "words"),
     [
-        (1, 1, "6 lines that decay form one family with one spacing of multiples of 2.5 Hz. The odds"),
-        (4, 2, "6 lines that decay form 2 families with 4 spacings of multiples of 2.5 Hz. The odds"),
+        (1, 1, "One of 6 lines that decay is a multiple of 2.5 Hz away from a stronger one: a sideband of one mode."),
+        (4, 2, "4 of 6 lines that decay are multiples of 2.5 Hz away from stronger ones: sidebands of 2 modes."),
     ],
 )
 def test_lines_are_counted_by_family(spacings, families, words):
     numbers = {"lines": 6, "spacings": spacings, "families": families, "frequency": 2.5, "odds": 3.04}
     said = str(note("line_families", **numbers))
     assert said.startswith(words)
-    assert said.endswith("are 1e3.0.")
+    assert said.endswith("The odds against chance, by frequencies alone, are 1e3.0 to 1.")
 
 
 def test_lines_that_do_not_decay_are_named():

@@ -153,6 +153,21 @@ def test_a_hit_that_is_alone_has_a_shape():
     assert "Hit 1 has one shape, and hits 2, 3 another." in told
 
 
+@pytest.mark.parametrize(
+    ("decays", "frequencies", "words"),
+    [
+        ((0.120003, 0.120006), (2.5, 2.5), ("decays by 0.120003 1/s", "decays by 0.120006 1/s")),
+        ((0.12, 0.12), (2.500001, 2.500003), ("has 2.500001 Hz", "has 2.500003 Hz")),
+        ((0.251234, 0.27), (2.512345, 2.5), ("has 2.5123 Hz", "decays by 0.2512 1/s")),
+    ],
+    ids=["decays", "frequencies", "far"],
+)
+def test_values_on_which_hits_disagree_differ_in_print(decays, frequencies, words):
+    """Before: «0.12 and 0.12»."""
+    told = str(note("hits_unlike", **{**SAMPLES["hits_unlike"], "decays": decays, "frequencies": frequencies}))
+    assert all(word in told for word in words)
+
+
 def test_a_long_sentence_would_be_found():
     text = "The " + "very " * LONGEST + "end."
     assert too_long(f"Short. {text} Short.") == [text]

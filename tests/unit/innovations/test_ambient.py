@@ -498,6 +498,20 @@ def test_a_fit_that_is_not_at_its_maximum_isexcitation_of(short, told, values, m
     assert [one.severity for one in found.findings if one.code == "ambient_short"] == [told] * (told is not None)
 
 
+@pytest.mark.parametrize("inputs", [0, 1])
+def test_a_fit_short_of_its_maximum_is_advised_to_do_without_excitation_beside_inputs_alone(
+    inputs, analysis, monkeypatch
+):
+    monkeypatch.setattr(Fit, "short", lambda self, number: 2.5)
+    fit, (mode,) = analysis.fit, analysis.fit.at.modes
+    samples = replace(fit.samples, inputs=np.zeros((inputs, fit.samples.n_samples)))
+    mode = replace(mode, gains=np.concatenate([np.zeros((inputs, len(mode.reach))), mode.gains]))
+    at = predicted(samples, [mode], fit.at.columns, fit.at.initial)
+    told = excitation_of(Fit(samples, at, fit.acting), analysis.model, np.full(1, 0.1), 1.0, ())
+    (short,) = (own for own in told if own.code == "ambient_short")
+    assert ("leave `excitation=` out" in str(short)) == bool(inputs)
+
+
 @pytest.mark.slow
 def test_measured_inputs_without_other_forces_are_predicted():
     """The gain of the innovations is next to none, and a period of the predictor not normal: it does not grow."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from floquid.lti import Ensemble, MaximumLikelihood, Outcome, TimeResponses, brief, pooled_noise
+from floquid.order import judge_products
 from floquid.testing import assert_exponents_close
 
 LOGS = np.array([-1.2 + 0.5j, -1.2 - 0.5j, -2.5 + 0.9j, -2.5 - 0.9j])
@@ -46,6 +47,18 @@ def test_errors_are_as_large_as_their_deviations(seeds):
         order = np.argsort(np.abs(model.poles.real))
         pulls += list((model.poles.real[order] - np.sort(LOGS.real)[::-1])[::2] / std[order][::2])
     assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.6
+
+
+def test_a_search_ends_with_the_poles_so_far_when_its_time_is_over():
+    data = decays(noise=0.05)
+    method = Ensemble().bounded(0.0)
+    state = method.prepare(data)
+    model = method.extract(state)
+    assert model.outcome is Outcome.OUT_OF_TIME
+    assert model.order > 0
+    assert method.extract(state, 2).outcome is Outcome.OUT_OF_TIME
+    said = judge_products(data, model, method).findings
+    assert Outcome.OUT_OF_TIME.value in [own.code for own in said]
 
 
 def test_noise_is_no_mode_and_not_brief():

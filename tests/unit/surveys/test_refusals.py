@@ -1,13 +1,14 @@
 """Results that are no survey: refused with the names of the files, or told."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.locks import known
 
 from floquid.errors import InputError
-from floquid.surveys import Point, survey
+from floquid.surveys import Point, point_of, survey
 
 
 @pytest.fixture
@@ -72,6 +73,35 @@ def test_a_system_that_repeats_within_its_period_is_told(points):
     told = [len([own for own in survey(of, over="speed").warnings if "--periods-per-rev 2" in own]) for of in
             (points, [*points[:2], even[2]], [points[0], *even[1:]])]  # fmt: skip
     assert told == [0, 0, 1]
+    # At half a revolution a period, as `--periods-per-rev 2` makes them: before, that was the advice.
+    for periods, advice in ((1, "of it: `--periods-per-rev 2`."), (2, "of it: `--periods-per-rev 4`.")):
+        turned = [
+            changed(own, values={"speed_rpm": 60.0 / (periods * own.model.period), "speed": own.values["speed"]})
+            for own in even
+        ]
+        assert sum(advice in own for own in survey(turned, over="speed").warnings) == 1
+
+
+@pytest.mark.parametrize(
+    ("passed", "failed", "reasons", "told"),
+    [
+        (True, False, ("Some is left.",), None),
+        (False, True, ("No period.", "Some is left."), "No period."),
+        (False, False, ("The prediction is off. Look at it.",), "The prediction is off. Look at it."),
+        (False, False, (), None),
+        (None, False, ("No room.",), None),
+    ],
+    ids=["passes with a remainder", "fails by a finding", "fails by samples left out", "not checked", "no answer"],
+)
+def test_a_point_fails_as_its_result_does(passed, failed, reasons, told, points):
+    """Before: of one that fails by samples left out no reason was told."""
+    found = SimpleNamespace(model=points[0].model, passed=passed, failed=failed, reasons=reasons)
+    point = replace(point_of(found), values=points[0].values)
+    assert point.reason == told
+    said = survey([point, *points[1:]], over="speed").warnings
+    assert [own for own in said if "the model fails" in own] == (
+        [f"speed = 6: the model fails. {told.partition('. ')[0].rstrip('.')}."] if told else []
+    )
 
 
 def test_two_points_give_a_table(points):

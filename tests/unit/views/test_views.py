@@ -9,6 +9,7 @@ import pytest
 from benchmarks.paper._residues import expansion, identified_residue
 from scipy.interpolate import CubicSpline
 from tests.decays import half_a_turn, one_locked, two_hits, with_decay
+from tests.driven import Driven
 
 from floquid import views
 from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Record
@@ -18,6 +19,7 @@ from floquid.order import scan
 from floquid.periodic import assemble, physical_exponents
 from floquid.pipeline import identify
 from floquid.reconstruction import StateModel
+from floquid.reporting._page import modes_of
 from floquid.store import load, save
 from floquid.systems import JeffcottRotor, Run
 
@@ -98,6 +100,25 @@ def test_an_ellipse_holds_its_share_of_draws():
         inside = np.mean(np.einsum("ki,ij,kj->k", away, inverse, away) < radius[0])
         assert inside == pytest.approx(level, abs=4.0 * np.sqrt(level * (1 - level) / 20_000))
         assert edge[0] == pytest.approx(edge[-1])
+
+
+def test_two_rows_that_are_one_locked_mode_are_told(locked):
+    """Mathieu's equation, damped, inside its first lock; of one real multiplier alone nothing is told."""
+    system = Driven(
+        A=lambda t: np.array([[0.0, 1.0], [-1.02 - 0.16 * np.cos(2.0 * t), -0.1]]),
+        B=lambda _: np.array([[0.0], [1.0]]),
+        C=lambda _: np.array([[1.0, 0.0]]),
+        period=np.pi,
+    )
+    values = system.response(np.zeros((1, 720)), 24, np.array([1.0, 0.3]))
+    values += 0.002 * values.std() * np.random.default_rng(1).standard_normal(values.shape)
+    record = Record(values=values, sample_rate=24.0 / np.pi, channels=["x"], clock=ConstantPeriod(period=np.pi))
+    analysis = identify(record, validate=False)
+    assert analysis.model.multipliers.real == pytest.approx([-0.9653, -0.7567], abs=2e-3)
+    told = "rows 1 and 2: one mode, locked to the period as two multipliers"
+    assert told in " ".join(analysis.summary().split())
+    assert told in modes_of(analysis)["meanings"]
+    assert "locked to the period" not in locked.summary()
 
 
 def test_a_part_without_error_gives_a_line(locked):

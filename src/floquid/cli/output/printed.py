@@ -21,6 +21,7 @@ from floquid.views import (
     DampingUnit,
     SpeedUnit,
     branch_words,
+    couple_words,
     cycle_words,
     done_words,
     in_short,
@@ -98,7 +99,7 @@ def print_found(
 
 def _print_legend(console: Console, analysis: Analysis, unit: DampingUnit, *, verbose: bool) -> None:
     """Print a legend of the table of modes: with `verbose` all columns, else what a table cannot say itself."""
-    meanings = note_meanings(mode_table(analysis))
+    meanings = [*note_meanings(mode_table(analysis)), *couple_words(analysis.model)]
     without = FAILS if analysis.failed else NO_DEVIATIONS
     deviations = without if analysis.model.exponent_std is None else DEVIATIONS
     parts = [f"±: a conjugate pair; {deviations}"]

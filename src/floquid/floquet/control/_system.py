@@ -136,7 +136,7 @@ def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMat
     periodic = {name: matrix for name, matrix in given.items() if isinstance(matrix, AbstractPeriodicMatrix)}
     varying = {name: matrix for name, matrix in periodic.items() if values[name] is None}
     if varying:
-        period = common_period(varying.values(), of)
+        period = common_period(varying, of)
     else:
         some = [matrix.period for matrix in periodic.values()]
         if not some:

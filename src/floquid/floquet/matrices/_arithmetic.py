@@ -6,7 +6,7 @@ a constant leaves every form as it is; anything else is a function of time that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -21,15 +21,15 @@ from floquid.floquet.matrices._series import constant_matrix, product_of_series,
 Operand: TypeAlias = AbstractPeriodicMatrix | Floats
 
 
-def common_period(matrices: Iterable[AbstractPeriodicMatrix], of: str) -> float:
-    """The period that all of them have [s], or a refusal."""
-    first, *others = (matrix.period for matrix in matrices)
-    for period in others:
-        if abs(period - first) > SAME * first:
-            got = f"are {first:.15g} s and {period:.15g} s"
+def common_period(matrices: Mapping[str, AbstractPeriodicMatrix], of: str) -> float:
+    """The period that all of the arguments of `of` have [s], by their names, or a refusal."""
+    (first, matrix), *others = matrices.items()
+    for name, other in others:
+        if abs(other.period - matrix.period) > SAME * matrix.period:
+            must = f"have the period of `{first}` to within {SAME:g} of it, {matrix.period:.15g} s"
             remedy = "Give both over one period that is a whole number of each, from one number."
-            raise input_error("periods", of, f"be equal to within {SAME:g}", got, remedy)
-    return first
+            raise input_error(name, of, must, f"has {other.period:.15g} s", remedy)
+    return matrix.period
 
 
 def joint_breaks(matrices: Iterable[AbstractPeriodicMatrix], period: float) -> Floats:
@@ -47,7 +47,7 @@ def added(left: Any, right: Any, sign: float) -> AbstractPeriodicMatrix:
         return first.shifted(sign * second.at(0.0))
     if first.is_constant:
         return scaled(second, sign).shifted(first.at(0.0))
-    period = common_period((first, second), of)
+    period = common_period({"left": first, "right": second}, of)
     samples = first.samples(), second.samples()
     if samples[0] is not None and samples[1] is not None:
         found = samples[0].sum_on_grid(samples[1], sign)
@@ -75,7 +75,7 @@ def product(left: Any, right: Any) -> AbstractPeriodicMatrix:
         return first.mapped(partial(_times, second.at(0.0)))
     if first.is_constant:
         return second.mapped(partial(np.matmul, first.at(0.0)))
-    period = common_period((first, second), "@")
+    period = common_period({"left": first, "right": second}, "@")
     series = first.series(), second.series()
     if series[0] is not None and series[1] is not None:
         return product_of_series(series[0], series[1])

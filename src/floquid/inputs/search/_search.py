@@ -25,16 +25,20 @@ def searched(
     samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None
 ) -> tuple[Linearisation, bool]:
     """The modes by which J is least, with their harmonics, and whether the budget of time was over before."""
-    until = limits.begun().until
+    until, given = limits.begun().until, samples
+    # Rough steps are made in single precision: by a power of two nothing else changes.
+    unit = float(np.ldexp(1.0, int(np.frexp(np.max(samples.input_size, initial=0.0))[1])))
+    samples = replace(samples, inputs=samples.inputs / unit)
     least = descended(Point(samples, limits, linearise(samples, []), helpful), _stages, until, report)
     if not least.n_modes:
-        return least.at, least.unfinished
+        return linearise(given, [], least.at.direct), least.unfinished
     report(f"searching for modes: harmonics of {least.n_modes}")
     loose = replace(limits, harmonic_alarm=LOOSE)
     least = descended(replace(least, limits=loose), _last_stages, until, report)
     found = least.at
     modes = [centred(samples, mode, found, number) for number, mode in enumerate(found.modes)]
-    return solve(samples, [_padded(mode, limits.highest) for mode in modes], found.direct), least.unfinished
+    modes = [replace(mode, initial=unit * mode.initial, sizes=unit * mode.sizes) for mode in modes]
+    return solve(given, [_padded(mode, limits.highest) for mode in modes], found.direct), least.unfinished
 
 
 def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:

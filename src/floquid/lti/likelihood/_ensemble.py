@@ -10,8 +10,9 @@ number is bounded by the outputs, and by all samples of all inputs together.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import ClassVar, final
@@ -110,11 +111,18 @@ class Ensemble(AbstractIdentifier):
     ----------
     false_alarm
         The probability at which noise may pass for one mode.
+    seconds
+        Processor time of a search [s], after which it ends with the poles so far, and that outcome.
     """
 
     decides: ClassVar[bool] = True
 
     false_alarm: float = 1e-9
+    seconds: float = np.inf
+
+    def bounded(self, seconds: float) -> Ensemble:
+        """The algorithm with a search of `seconds` of a processor [s] at most."""
+        return replace(self, seconds=min(seconds, self.seconds))
 
     def prepare(self, data: TimeResponses) -> States:
         """The singular vectors and values of the responses in `data` over their noise."""
@@ -130,17 +138,19 @@ class Ensemble(AbstractIdentifier):
         if rank > int((data.lengths - 1).sum()):
             return _empty(data, Outcome.TOO_FEW_SAMPLES)  # any matrix takes so few steps
         report(f"states of many short responses: rank {rank}")
+        stacked, until = state.stacked, time.process_time() + self.seconds
         try:
-            fit = _straightened(polish_products(state.start(rank), state.stacked), state.stacked)
+            fit = _straightened(polish_products(state.start(rank), stacked), stacked, until)
             if order is None:
-                fit = pruned(fit, state.stacked, lambda products: self._limits(products, state.stacked), least=1)
-                fit = self._halved(fit, state.stacked)
+                fit = pruned(fit, stacked, lambda own: self._limits(own, stacked), least=1, until=until)
+                fit = self._halved(fit, stacked, until)
             else:
-                fit = _lowered(fit, state.stacked, order)
+                fit = _lowered(fit, stacked, order, until)
         except np.linalg.LinAlgError:
             return _empty(data)
         number = fit.products.poles.order
-        return model_of_products(fit, state.stacked, reached(order, number), np.ones(number))
+        outcome = Outcome.OUT_OF_TIME if time.process_time() > until else reached(order, number)
+        return model_of_products(fit, stacked, outcome, np.ones(number))
 
     def refine(self, state: States, model: ModalModel) -> ModalModel:
         """The maximum-likelihood model in `state` of the order and outcome of `model`, from its poles."""
@@ -161,20 +171,20 @@ class Ensemble(AbstractIdentifier):
         limits, firm = (np.array(self._limits(fit.products, stacked, share)) for share in (1.0, SURE))
         return poles.multipliers()[poles.starts()], np.array(rest) - fit.cost, limits, firm
 
-    def _halved(self, fit: ProductFit, stacked: Stacked) -> ProductFit:
+    def _halved(self, fit: ProductFit, stacked: Stacked, until: float) -> ProductFit:
         """The fit with a pair on the axis as one real multiplier where noise explains what that costs."""
         for entry in np.flatnonzero(fit.products.poles.kind == PAIR).tolist():
             poles, shares = fit.products.poles, fit.products.shares
             angle = abs(poles.s[entry].imag)
             for kind, axis in ((POSITIVE, 0.0), (NEGATIVE, np.pi)):
-                if not np.isclose(angle, axis, rtol=0.0, atol=0.05):
+                if not np.isclose(angle, axis, rtol=0.0, atol=0.05) or time.process_time() > until:
                     continue
                 rest = np.arange(len(poles)) != entry
                 alone = PoleSet.of(np.array([poles.s[entry].real + 1j * axis]), np.array([kind]))
                 both = np.concatenate([shares[rest], shares[[entry]].real.astype(complex)])
                 trial = polish_products(Products.of(poles.keep(rest).plus(alone), both), stacked)
                 if trial.cost - fit.cost < self._limits(trial.products, stacked)[-1]:
-                    return self._halved(trial, stacked)
+                    return self._halved(trial, stacked, until)
         return fit
 
     def _limits(self, products: Products, stacked: Stacked, share: float = 1.0) -> list[float]:
@@ -184,9 +194,9 @@ class Ensemble(AbstractIdentifier):
         return [rise_limit(share * self.false_alarm, float(number), float(rows * outputs)) for number in numbers]
 
 
-def _lowered(fit: ProductFit, stacked: Stacked, order: int) -> ProductFit:
+def _lowered(fit: ProductFit, stacked: Stacked, order: int, until: float) -> ProductFit:
     """The fit with no more than `order` poles where that can be had: the entries that are missed least are removed."""
-    while fit.products.poles.order > order:
+    while fit.products.poles.order > order and time.process_time() < until:
         sizes = fit.products.poles.sizes
         fitting = np.flatnonzero(sizes <= fit.products.poles.order - order)
         if not len(fitting) or len(sizes) == 1:
@@ -196,13 +206,15 @@ def _lowered(fit: ProductFit, stacked: Stacked, order: int) -> ProductFit:
     return fit
 
 
-def _straightened(fit: ProductFit, stacked: Stacked) -> ProductFit:
+def _straightened(fit: ProductFit, stacked: Stacked, until: float) -> ProductFit:
     """The fit with two real multipliers of one sign as a pair where that costs less: noise makes one of the other."""
     for kind, axis in ((POSITIVE, 0.0), (NEGATIVE, np.pi)):
         poles = fit.products.poles
         along = np.flatnonzero(poles.kind == kind)
         along = along[np.argsort(poles.s[along].real)]
         for first, second in pairwise(along.tolist()):
+            if time.process_time() > until:
+                return fit
             poles, shares = fit.products.poles, fit.products.shares
             middle, gap = poles.s[[first, second]].real.mean(), abs(np.diff(poles.s[[first, second]].real)[0])
             pair = PoleSet.of(np.array([middle + 1j * (axis - max(gap, 0.05))]), np.array([PAIR]))
@@ -210,7 +222,7 @@ def _straightened(fit: ProductFit, stacked: Stacked) -> ProductFit:
             both = np.concatenate([shares[rest], (shares[[first]] + 1j * shares[[second]])])
             trial = polish_products(Products.of(poles.keep(rest).plus(pair), both), stacked)
             if trial.cost < fit.cost:
-                return _straightened(trial, stacked)
+                return _straightened(trial, stacked, until)
     return fit
 
 

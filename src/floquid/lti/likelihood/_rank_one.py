@@ -10,6 +10,7 @@ split, and poles and participations l are fitted together, the shapes ψ elimina
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -282,13 +283,24 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
     return model_of_products(fitted, stacked, model.outcome, noise.colour[near])
 
 
-def pruned(fit: ProductFit, stacked: Stacked, limits: Callable[[Products], list[float]], *, least: int) -> ProductFit:
-    """The fit without the entries, one after another, whose absence raises the cost by less than their `limits`."""
+def pruned(
+    fit: ProductFit,
+    stacked: Stacked,
+    limits: Callable[[Products], list[float]],
+    *,
+    least: int,
+    until: float = np.inf,
+) -> ProductFit:
+    """The fit without the entries, one after another, whose absence raises the cost by less than their `limits`.
+
+    Once the processor time `until` [s] is over, it is the fit so far.
+    """
     while len(fit.products.poles) > least:
-        trials = [
-            polish_products(fit.products.without(entry), stacked, tolerance=1e-2)
-            for entry in range(len(fit.products.poles))
-        ]
+        trials: list[ProductFit] = []
+        for entry in range(len(fit.products.poles)):
+            if time.process_time() > until:
+                return fit
+            trials.append(polish_products(fit.products.without(entry), stacked, tolerance=1e-2))
         excess = np.array([trial.cost - fit.cost for trial in trials]) - np.array(limits(fit.products))
         weakest = int(np.argmin(excess))
         if excess[weakest] > 0.0:

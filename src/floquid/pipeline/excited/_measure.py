@@ -22,6 +22,7 @@ from floquid.preparation import (
     own_names,
     parted,
     refuse_others,
+    refuse_sizes,
     settings_of,
 )
 from floquid.transfer import CURVATURE, MeasuredTransfer, by_chirps, by_polynomials, by_repeats, repeat_of
@@ -110,7 +111,9 @@ def measure_transfer(
         beside = replace(chosen, inputs=(*chosen.inputs, *reference), forced="none")
         for record in clocked(records, replace(beside, channels=()), OF):
             channels_named(record.channels, reference, argument="reference", of=OF)
-        used, said = begun(clocked(records, beside, OF), beside)
+        used = clocked(records, beside, OF)
+        refuse_sizes(used, OF)
+        used, said = begun(used, beside)
         report("parting inputs and outputs")
         # What repeats with the period stands at lines of its own, which are left out.
         own = parted(used, beside, OF)

@@ -33,13 +33,27 @@ TIMES = np.mod(0.3819660112501051 * np.arange(1, 120), 1.0) * 12.0 - 3.0
         (lambda: A * np.eye(2), r"`factor` of `\*` must be a finite number.*\n.*`@`"),
         (lambda: A @ np.eye(3), "`right` of `@` must have as many rows as the left has columns, 2"),
         (lambda: np.ones((1, 3)) @ A, r"`right` of `@` must have as many rows.*3, but has shape \(2, 2\)"),
-        (lambda: A + JUMPING, r"`periods` of `\+` must be equal to within 1e-12, but are 2 s and 1 s"),
+        (lambda: A + JUMPING, r"`right` of `\+` must have the period of `left` to within 1e-12.*, 2 s, but has 1 s"),
+        (lambda: JUMPING @ A, r"`right` of `@` must have the period of `left` to within 1e-12.*, 1 s, but has 2 s"),
         (lambda: A + JUMPING.at, r"`right` of `\+` must be an array of numbers"),
     ],
 )
 def test_what_cannot_be_is_refused(attempt, message):
     with pytest.raises(InputError, match=message):
         attempt()
+
+
+def test_instants_that_differ_by_the_rounding_of_a_sum_are_one():
+    """Of 10 000 equal parts, as sums and as products; two that are forty times as far apart are two."""
+    length = 0.7 / 10_000
+    products, sums = np.arange(10_000) * length, np.append(0.0, np.cumsum(np.full(9_999, length)))
+    assert np.abs(products - sums).max() > 1e-13 * 0.7
+
+    def over(edges):
+        return PiecewiseMatrix(values=np.ones((1, 1, len(edges))), edges=edges, period=0.7)
+
+    assert (over(products) + over(sums)).breaks.size == 10_000
+    assert (over([0.0, 0.1]) + over([0.0, 0.1 + 1e-11])).breaks.size == 3
 
 
 def test_a_sample_on_a_jump_is_the_value_after_it():
@@ -86,7 +100,7 @@ def test_a_system_has_one_period_and_names():
         ({"A": A, "outputs": ["y", "y"]}, "`outputs` of `PeriodicSystem` must have distinct names"),
         (
             {"A": A, "B": HarmonicMatrix.from_cosines([[0.0], [0.0]], [[[1.0]]] * 2, [[[0.0]]] * 2, period=np.e)},
-            "`periods` of `PeriodicSystem` must be equal",
+            r"`B` of `PeriodicSystem` must have the period of `A` to within 1e-12.*, 2 s, but has 2\.718\d+ s",
         ),
     ],
 )
