@@ -23,8 +23,8 @@ from floquid.lti import ERA
 from floquid.periodic import refit
 from floquid.pipeline import Spread, bootstrap, identify
 from floquid.pipeline.draws import _redraw as draws_of
-from floquid.pipeline.draws._plan import aligned, plan_of
-from floquid.pipeline.draws._redraw import FreeRedrawn, draw, drawn, noisy
+from floquid.pipeline.draws._plan import aligned
+from floquid.pipeline.draws._redraw import draw, drawn, noisy, plan_of
 from floquid.reconstruction import reconstruct, text_of
 from floquid.systems import JeffcottRotor
 
@@ -101,7 +101,7 @@ def found(name, **options):
 
 
 def drawn_once(plan, seed):
-    return draw(FreeRedrawn(plan, None, False), seed)
+    return draw(plan, seed)
 
 
 WAYS = ["lifted", "two hits", "gaps", "tachometer", "coloured", "free residues", "own period"]

@@ -181,7 +181,7 @@ def test_draws_of_the_modes_alone_hold_a_period_that_the_steady_response_told():
     analysis = found(samples=20.1)
     for whole in (False, True):
         plan = redrawn(analysis, whole=whole)
-        assert plan.plan.free_period == whole
+        assert plan.free_period == whole
         assert plan.period_std == (analysis.period_std if whole else None)
     one = draw(redrawn(analysis, whole=False), np.random.SeedSequence(3))
     assert one.failure == ""

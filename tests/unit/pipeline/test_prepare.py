@@ -12,8 +12,7 @@ import floquid.pipeline as chain
 from floquid import ConstantPeriod, IdentificationError, InputError, PulseTimes, Record, identify, load, save
 from floquid.core import Channel, TachometerSignal
 from floquid.lifting import lift
-from floquid.pipeline.draws._plan import plan_of
-from floquid.pipeline.draws._redraw import draw, redrawn
+from floquid.pipeline.draws._redraw import draw, plan_of, redrawn
 from floquid.pipeline.free._complete import by_cycles
 from floquid.preparation import for_command
 from floquid.readers import write

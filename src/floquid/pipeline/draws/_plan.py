@@ -1,94 +1,19 @@
-"""Plan of a bootstrap of free responses, and the modes of a draw in the order of those drawn from."""
+"""Modes of a draw in the order of those drawn from, and what A(t) of it is built from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats
-from floquid.core import ConstantPeriod, PeriodicModel, PhaseClock, Record
-from floquid.fit import CHUNK, HALF_DIGITS
-from floquid.lifting import Lifted
-from floquid.lti import ModalModel
-from floquid.periodic import instants
+from floquid._arrays import Complexes
+from floquid.core import PeriodicModel
+from floquid.fit import HALF_DIGITS
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline.free import by_cycles, samples_of, why_sampled
 from floquid.preparation import Settings, states_of
 from floquid.reconstruction import choices, text_of
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """All that a draw needs beside its seed."""
-
-    model: PeriodicModel  # the model drawn from, without its joint covariance
-    fitted: PeriodicModel
-    """Model with every harmonic that was fitted, also those that it does not keep: where fits start."""
-    built: PeriodicModel  # the same with the harmonics alone that A(t) was built from
-    states: tuple[str, ...]  # names of the states of A(t); none where there is no A(t)
-    settings: Settings  # without states where there is no A(t); with the structure and the delay that were found
-    clean: tuple[Floats, ...]
-    """Response of all that was fitted in each record (channels, samples), NaN where a sample is missing."""
-    noise: Floats  # (channels, hits)
-    whole: bool
-    estimated: bool
-    """True where the model has the joint covariance of its coefficients, as those of draws should then have."""
-    free_period: bool  # true where the period is fitted too
-    one_shape: bool  # true where all hits share the shapes of the modes
-    lifted: Lifted | None
-    """The lifted responses, where they hold all that was fitted: then a fit of them is the cheaper one."""
-    modal: ModalModel | None  # the modal model, where residues were left free
-    whitening: Floats | None  # filter of each channel that makes its noise white; `noise` is that after it
-    records: tuple[Record, ...]
-    """The records that draws take the place of: with their clocks' channels for `whole`, without otherwise."""
-    rows: tuple[tuple[int, ...], ...]  # the rows of `records` that are responses
-    clocks: tuple[PhaseClock, ...]  # clock of each record
-
-
-def plan_of(analysis: Analysis, whole: bool) -> Plan:
-    """The plan of an analysis of free responses."""
-    decay = analysis.decay
-    assert decay is not None
-    model, fit, shafts = analysis.model, decay.fit, analysis.shafts
-    bare = replace(model, covariance=None, estimates=None, unselected=None)
-    # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
-    # fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
-    fitted = bare if not fit.constrained or model.estimates is None else _fitted(model)
-    measured = samples_of(analysis.records, shafts) if whole and fit.constrained else fit.free
-    clean = []
-    for hit, (record, clock, seen) in enumerate(zip(fit.free, analysis.clocks, measured, strict=True)):
-        own = _response(fitted, hit, *instants(record, clock, model.fundamental))
-        # The forced response as it was found, wherever the speed took it; NaN where a sample is missing.
-        clean.append(own + (seen.values - record.values))
-    records = analysis.records if whole and why_sampled(fit, shafts) else fit.free
-    # Draws of the modes alone would not know a period that the steady response told.
-    steady = not whole and fit.forced is not None and len(fit.forced.harmonics) > 0
-    free_period, clocks = fit.period_std is not None and not steady, analysis.clocks
-    if fit.period_std is not None and steady:
-        # Phases count from where they did by the first value.
-        zeros = (clock.phase_zero(own.start) for clock, own in zip(clocks, fit.free, strict=True))
-        clocks = tuple(ConstantPeriod(period=model.period, origin=zero) for zero in zeros)
-    names = {channel.name for channel in model.channels}
-    return Plan(
-        model=bare,
-        fitted=fitted,
-        **choices_of(analysis, bare),
-        clean=tuple(clean),
-        noise=fit.noise,
-        whole=whole,
-        estimated=model.estimates is not None,
-        free_period=free_period,
-        one_shape=model.one_shape,
-        lifted=analysis.lifted if by_cycles(fit, shafts) else None,
-        modal=None if fit.constrained else analysis.modal,
-        whitening=fit.whitening,
-        records=records,
-        rows=tuple(tuple(row for row, c in enumerate(record.channels) if c.name in names) for record in records),
-        clocks=clocks,
-    )
 
 
 def without_states(settings: Settings) -> Settings:
@@ -108,23 +33,11 @@ def choices_of(analysis: Analysis, bare: PeriodicModel) -> dict[str, Any]:
     delay, terms = choices(model, names, form=settings.form, delay=settings.delay)  # type: ignore[arg-type]
     if terms is not None and settings.harmonics is None:
         assert model.estimates is not None
-        found["built"] = _fitted(replace(model, estimates=model.estimates.picked(terms=terms)))
+        found["built"] = with_all_fitted(replace(model, estimates=model.estimates.picked(terms=terms)))
     return found | {"settings": replace(settings, delay=delay)}
 
 
-def _response(model: PeriodicModel, hit: int, times: Floats, angles: Floats) -> Floats:
-    """The free response of one hit (channels, samples) at times after phase zero [s] and phase angles [rad]."""
-    found = np.empty((len(model.channels), len(times)))
-    weights = model.coefficients[:, :, hit].transpose(1, 0, 2).reshape(len(model.channels), -1)
-    for first in range(0, len(times), CHUNK):
-        part = slice(first, first + CHUNK)
-        decays = np.exp(np.multiply.outer(model.exponents, times[part]))
-        turned = np.exp(1j * np.multiply.outer(model.harmonics, angles[part]))
-        found[:, part] = (weights @ (decays[:, None] * turned).reshape(weights.shape[1], -1)).real
-    return found
-
-
-def _fitted(model: PeriodicModel) -> PeriodicModel:
+def with_all_fitted(model: PeriodicModel) -> PeriodicModel:
     """The model with every coefficient that was fitted, significant or not."""
     estimates = model.estimates
     assert estimates is not None

@@ -13,18 +13,18 @@ from numpy.random import SeedSequence
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, input_error
-from floquid.core import Estimates, PeriodicModel, Record
+from floquid.core import ConstantPeriod, Estimates, PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError, IdentificationError
 from floquid.findings import failure
-from floquid.fit import HALF_DIGITS
+from floquid.fit import CHUNK, HALF_DIGITS
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
-from floquid.periodic import assemble, estimate_at, refit
+from floquid.periodic import assemble, estimate_at, instants, refit
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import Again, Driven, state_of, widening_of
 from floquid.pipeline._identify import identify
-from floquid.pipeline.draws._plan import Plan, aligned, choices_of, plan_of, selected, without_states
-from floquid.pipeline.free import again_of
+from floquid.pipeline.draws._plan import aligned, choices_of, selected, with_all_fitted, without_states
+from floquid.pipeline.free import again_of, by_cycles, samples_of, why_sampled
 from floquid.preparation import Settings
 from floquid.sync import segment
 
@@ -58,32 +58,95 @@ class Draw(Rebuilt):
 
 
 @dataclass(frozen=True, slots=True)
-class FreeRedrawn:
-    """Draws of free responses."""
+class Plan:
+    """Draws of free responses: all that one needs beside its seed."""
 
-    plan: Plan
+    model: PeriodicModel  # the model drawn from, without its joint covariance
+    fitted: PeriodicModel
+    """Model with every harmonic that was fitted, also those that it does not keep: where fits start."""
+    built: PeriodicModel  # the same with the harmonics alone that A(t) was built from
+    states: tuple[str, ...]  # names of the states of A(t); none where there is no A(t)
+    settings: Settings  # without states where there is no A(t); with the structure and the delay that were found
+    clean: tuple[Floats, ...]
+    """Response of all that was fitted in each record (channels, samples), NaN where a sample is missing."""
+    noise: Floats  # (channels, hits)
+    whole: bool
+    estimated: bool
+    """True where the model has the joint covariance of its coefficients, as those of draws should then have."""
+    free_period: bool  # true where the period is fitted too
+    one_shape: bool  # true where all hits share the shapes of the modes
+    lifted: Lifted | None
+    """The lifted responses, where they hold all that was fitted: then a fit of them is the cheaper one."""
+    modal: ModalModel | None  # the modal model, where residues were left free
+    whitening: Floats | None  # filter of each channel that makes its noise white; `noise` is that after it
+    records: tuple[Record, ...]
+    """The records that draws take the place of: with their clocks' channels for `whole`, without otherwise."""
+    rows: tuple[tuple[int, ...], ...]  # the rows of `records` that are responses
+    clocks: tuple[PhaseClock, ...]  # clock of each record
     period_std: float | None  # the deviation of the period [s]; None where it is not fitted
     widened: bool  # whether the deviations hold what is left beside noise, which is in no draw
 
-    @property
-    def model(self) -> PeriodicModel:
-        """The model drawn from."""
-        return self.plan.model
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states of A(t); none where there is no A(t)."""
-        return self.plan.states
-
-    @property
-    def whole(self) -> bool:
-        """True where each draw is identified from the beginning."""
-        return self.plan.whole
-
     def redone(self, generator: np.random.Generator) -> Draw:
         """Identify records drawn from the model."""
-        values = noisy(self.plan, generator)
-        return _identified(self.plan, values) if self.whole else _fitted(self.plan, values)
+        values = noisy(self, generator)
+        return _identified(self, values) if self.whole else _fitted(self, values)
+
+
+def plan_of(analysis: Analysis, whole: bool) -> Plan:
+    """The plan of an analysis of free responses."""
+    decay = analysis.decay
+    assert decay is not None
+    model, fit, shafts = analysis.model, decay.fit, analysis.shafts
+    bare = replace(model, covariance=None, estimates=None, unselected=None)
+    # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
+    # fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
+    fitted = bare if not fit.constrained or model.estimates is None else with_all_fitted(model)
+    measured = samples_of(analysis.records, shafts) if whole and fit.constrained else fit.free
+    clean = []
+    for hit, (record, clock, seen) in enumerate(zip(fit.free, analysis.clocks, measured, strict=True)):
+        own = _response(fitted, hit, *instants(record, clock, model.fundamental))
+        # The forced response as it was found, wherever the speed took it; NaN where a sample is missing.
+        clean.append(own + (seen.values - record.values))
+    records = analysis.records if whole and why_sampled(fit, shafts) else fit.free
+    # Draws of the modes alone would not know a period that the steady response told.
+    steady = not whole and fit.forced is not None and len(fit.forced.harmonics) > 0
+    free_period, clocks = fit.period_std is not None and not steady, analysis.clocks
+    if fit.period_std is not None and steady:
+        # Phases count from where they did by the first value.
+        zeros = (clock.phase_zero(own.start) for clock, own in zip(clocks, fit.free, strict=True))
+        clocks = tuple(ConstantPeriod(period=model.period, origin=zero) for zero in zeros)
+    names = {channel.name for channel in model.channels}
+    return Plan(
+        model=bare,
+        fitted=fitted,
+        **choices_of(analysis, bare),
+        clean=tuple(clean),
+        noise=fit.noise,
+        whole=whole,
+        estimated=model.estimates is not None,
+        free_period=free_period,
+        one_shape=model.one_shape,
+        lifted=analysis.lifted if by_cycles(fit, shafts) else None,
+        modal=None if fit.constrained else analysis.modal,
+        whitening=fit.whitening,
+        records=records,
+        rows=tuple(tuple(row for row, c in enumerate(record.channels) if c.name in names) for record in records),
+        clocks=clocks,
+        period_std=fit.period_std if free_period else None,
+        widened=widening_of(analysis) > 1.0,
+    )
+
+
+def _response(model: PeriodicModel, hit: int, times: Floats, angles: Floats) -> Floats:
+    """The free response of one hit (channels, samples) at times after phase zero [s] and phase angles [rad]."""
+    found = np.empty((len(model.channels), len(times)))
+    weights = model.coefficients[:, :, hit].transpose(1, 0, 2).reshape(len(model.channels), -1)
+    for first in range(0, len(times), CHUNK):
+        part = slice(first, first + CHUNK)
+        decays = np.exp(np.multiply.outer(model.exponents, times[part]))
+        turned = np.exp(1j * np.multiply.outer(model.harmonics, angles[part]))
+        found[:, part] = (weights @ (decays[:, None] * turned).reshape(weights.shape[1], -1)).real
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +198,7 @@ class ExcitedRedrawn:
         return identify(records, settings)
 
 
-Redrawn: TypeAlias = FreeRedrawn | ExcitedRedrawn
+Redrawn: TypeAlias = Plan | ExcitedRedrawn
 """A kind of record to draw from: all that is needed beside a seed."""
 
 
@@ -143,9 +206,7 @@ def redrawn(analysis: Analysis, *, whole: bool) -> Redrawn:
     """The records to draw of a result, whatever it is of."""
     if analysis.driven is not None:
         return ExcitedRedrawn.of(analysis, analysis.driven, whole)
-    assert analysis.decay is not None
-    plan = plan_of(analysis, whole)
-    return FreeRedrawn(plan, analysis.decay.fit.period_std if plan.free_period else None, widening_of(analysis) > 1.0)
+    return plan_of(analysis, whole)
 
 
 def draw(plan: Redrawn, seed: SeedSequence) -> Draw:
@@ -203,7 +264,7 @@ def _fitted(plan: Plan, values: Sequence[Floats]) -> Draw:
     return compared(plan, found, again, built)
 
 
-def compared(plan: Plan | ExcitedRedrawn, found: PeriodicModel, again: Again, built: PeriodicModel | None) -> Draw:
+def compared(plan: Redrawn, found: PeriodicModel, again: Again, built: PeriodicModel | None) -> Draw:
     """Estimates of a draw: the modes in the order drawn from, and A(t), of the harmonics of a model if given."""
     exponents, coefficients = aligned(plan.model, found)
     held, own = built is not None, found if built is None else built
