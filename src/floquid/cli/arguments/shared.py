@@ -72,7 +72,12 @@ Flag = Parameter(negative="", show_default=False)
 Verbose = Annotated[bool, Flag, Parameter(group=OUTPUT)]
 Format = Annotated[Literal["text", "json"], Parameter(group=OUTPUT)]
 OutputFolder = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
-SettingsFile = OutputFolder
+_SETTINGS = "A settings.toml written by `floquid identify`; options given here come first."
+SettingsFile = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT, help=_SETTINGS)]
+_TABLE = "A text table: a column named file, then a column a quantity; one named period is that of each record [s]."
+PointTable = Annotated[Path | None, Parameter(converter=_path, help=_TABLE)]
+_WORKERS = "How many processes identify records; one for each processor when not given."
+Workers = Annotated[int | None, Parameter(converter=whole_number, help=_WORKERS)]
 _SAVED = "A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in."
 Saved = Annotated[Path, Parameter(converter=_path, help=_SAVED)]
 Periods = Annotated[int, Parameter(converter=whole_number, help="The length of the record, in periods of the system.")]

@@ -53,8 +53,6 @@ def fleet(
         A folder for the whole result of each record, which `floquid report` and `floquid survey` read.
     format
         text prints counts and reasons; json prints the same for a program.
-    settings
-        A settings.toml written by `floquid identify`; options given here come first.
     """
     if not files:
         must = "name records"

@@ -76,8 +76,6 @@ def identify(
         Draw the figures of the page into OUT/figures, too, as files for a paper; they take longer than the page.
     format
         text prints tables; json prints summary.json alone.
-    settings
-        A settings.toml written by an earlier run; options given here come first.
     verbose
         Print the reasons too: the noise of each channel, why the order is what it is, what the columns are.
     memory

@@ -10,7 +10,16 @@ from floquid._bar import bar
 from floquid._checks import counted, input_error, wrong_value
 from floquid.cli.arguments.options import ModelOptions, RecordOptions, choices_of, given
 from floquid.cli.arguments.points import jobs_of, points_of
-from floquid.cli.arguments.shared import Format, MonitorFiles, OptionalWhole, OutputFolder, Place, SettingsFile, Whole
+from floquid.cli.arguments.shared import (
+    Format,
+    MonitorFiles,
+    OutputFolder,
+    Place,
+    PointTable,
+    SettingsFile,
+    Whole,
+    Workers,
+)
 from floquid.cli.output.folder import keep, maybe_folder, refuse_beside_identified, tell
 from floquid.cli.output.terminal import json_text, new_table, print_title, print_warnings, print_whole
 from floquid.errors import IdentificationError
@@ -33,10 +42,10 @@ def monitor(
     false_alarms: float = 1e-3,
     like: Place | None = None,
     over: str | None = None,
-    table: Place | None = None,
+    table: PointTable = None,
     record: RecordOptions | None = None,
     model: ModelOptions | None = None,
-    workers: OptionalWhole = None,
+    workers: Workers = None,
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
@@ -63,19 +72,10 @@ def monitor(
         measured along it.
     over
         A quantity by which records are ordered and drawn, such as days.
-    table
-        A text table of the records: a column named file, then a column a quantity; one named period
-        is that of each record [s].
-    record, model
-        The fields of `Settings`, for records.
-    workers
-        How many processes identify records; one for each processor when not given.
     out
         A folder for monitor.h5, monitor.json, monitor.csv; then for figures/ and report.html, a page for the browser.
     format
         text prints what was found; json prints monitor.json alone.
-    settings
-        A settings.toml written by `floquid identify`; options given here come first.
     """
     if not files and table is None:
         example = "For example: floquid monitor results --baseline 0:30 --out monitor"

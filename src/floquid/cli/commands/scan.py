@@ -93,8 +93,6 @@ def scan(
         unfolded.
     format
         text prints a table; json prints scan.json alone.
-    settings
-        A settings.toml written by `floquid identify`; options given here come first.
     """
     listed, said = _orders(orders), given(record, OF)
     choices = choices_of(settings).with_given(**said, identifier=identifier)

@@ -16,12 +16,12 @@ from floquid.cli.arguments.points import OF, jobs_of, points_of
 from floquid.cli.arguments.shared import (
     OUTPUT,
     Format,
-    OptionalWhole,
     OutputFolder,
-    Place,
+    PointTable,
     SettingsFile,
     SurveyFiles,
     Whole,
+    Workers,
 )
 from floquid.cli.commands.shapes import ShapeChoices
 from floquid.cli.output.folder import keep, maybe_folder, refuse_beside_identified, tell
@@ -42,13 +42,13 @@ MOST = 6  # notes that are printed
 def survey(
     *files: SurveyFiles,
     over: str = "speed_rpm",
-    table: Place | None = None,
+    table: PointTable = None,
     read: ShapeChoices | None = None,
     record: RecordOptions | None = None,
     model: ModelOptions | None = None,
     gap: Whole = 2,
     confidence: float = 0.95,
-    workers: OptionalWhole = None,
+    workers: Workers = None,
     damping: Annotated[Literal["decay", "ratio", "decrement"], Parameter(group=OUTPUT)] = "decay",
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
@@ -63,19 +63,12 @@ def survey(
     over
         The quantity of the operating point: speed_rpm, temperature, wind_m_s, ... It comes from --table, from single
         numbers in the files, from --point, or, of speed_rpm, from the period.
-    table
-        A text table of the points: a column named file, then a column a quantity; one named period
-        is that of each record [s].
     read
         How shapes are read: modes have a whirl with pairs, names and frequencies in the fixed frame with blades.
-    record, model
-        The fields of `Settings`, for records.
     gap
         How many points a mode may be missing at.
     confidence
         The probability that the interval of an edge holds it.
-    workers
-        How many processes identify records; one for each processor when not given.
     damping
         What the figure of damping shows: Re λ, the ratio ζ, or the logarithmic decrement δ.
     out
@@ -83,8 +76,6 @@ def survey(
         then for figures/ and report.html, a page for the browser.
     format
         text prints tables; json prints survey.json alone.
-    settings
-        A settings.toml written by `floquid identify`; options given here come first.
     """
     if not files and table is None:
         example = "For example: floquid survey *.npz --over speed_rpm --out survey"

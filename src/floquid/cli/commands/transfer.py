@@ -109,8 +109,6 @@ def transfer(
         The fields of `Settings`.
     format
         text prints a table; json prints all frequencies.
-    settings
-        A settings.toml written by an earlier run; options given here come first.
     """
     said, saved = given(record, OF), is_saved(files)
     choices = choices_of(settings).with_given(**said)
