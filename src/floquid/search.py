@@ -12,6 +12,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 
+CANDIDATES = 3  # candidates of a further mode that are fitted, the strongest first: each takes long
 TRIES = 12  # moves of one round that are fitted, the best predicted first: what comes later hardly ever helps
 HOPE = 2.0  # times the fall of J that a linearisation promises beyond which no fit goes
 SAME = 0.06  # the difference of two exponents times the period [1] within which structures count as one

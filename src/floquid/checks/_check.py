@@ -133,8 +133,6 @@ class Validation(Rebuilt):
         return tuple(n for n, criterion in self.criteria.items() if n not in values or not criterion.met(values[n]))
 
 
-FAINT = 0.1  # the amplitude of what is left, over the noise, that is let pass in any case
-MISFIT = 1.3  # times the noise that a fit may leave: its level is an estimate
 REMAINDER = 0.05  # the share of the response, in amplitude, that a model may leave beyond the noise and still pass
 
 

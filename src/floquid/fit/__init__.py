@@ -45,7 +45,9 @@ from floquid.fit._solver import (
 from floquid.fit._tests import (
     DEVIATIONS,
     EVIDENT,
+    FAINT,
     IN_VAIN,
+    MISFIT,
     MODES,
     QUIET,
     RARE,

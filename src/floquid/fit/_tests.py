@@ -25,6 +25,8 @@ EVIDENT = 0.1
 """The deviation of a difference of two decays, over a decay, below which it says something that they are equal."""
 
 QUIET = 1e-4  # the noise over the largest value below which a record says more than modes: a weak nonlinearity, for one
+FAINT = 0.1  # the amplitude of what is left, over the noise, that counts as none: 1 % of its power
+MISFIT = 1.3  # times the noise that a fit may leave: its level is an estimate
 SLOW = 1.0  # the decay over a record [nepers] below which it hardly shows: what has one may be steady
 MODES = 24  # modes, a pair counted once, that are looked for at most where what is left is no white noise
 IN_VAIN = 2  # orders in a row that are no better before a search of the best one ends

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid.checks import MISFIT
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError
 from floquid.findings import texts
-from floquid.fit import chi2_limit, filter_gain
+from floquid.fit import MISFIT, chi2_limit, filter_gain
 from floquid.large._modes import Basis, Modes, Plan
 from floquid.pipeline import CONFIDENT, Analysis, Settings, identify
 

@@ -13,6 +13,7 @@ from floquid._arrays import BLOCK, Floats, Mask
 from floquid._checks import input_error
 from floquid.core import runs_of
 from floquid.fit import SURE, chi2_limit
+from floquid.sync._pulse_times import NEAR
 
 Blow = tuple[int, int, float, bool]
 
@@ -27,8 +28,6 @@ one of a record without noise would be exact and unstable."""
 
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
-
-NEARBY = 16  # windows on each side over which the usual prediction error is taken
 
 PASSES = 6  # fits, at most, without the rows that hold impacts: each finds fewer of them than the one before
 
@@ -206,8 +205,8 @@ def _excess(ahead: Floats, back: Floats, floor: float, window: int, channels: in
     mean = total
     mean[few] = np.nan
     sparse = mean[::window]
-    padded = np.pad(sparse, NEARBY, constant_values=np.nan)
-    around = sliding_window_view(padded, 2 * NEARBY + 1)
+    padded = np.pad(sparse, NEAR, constant_values=np.nan)
+    around = sliding_window_view(padded, 2 * NEAR + 1)
     usual = max(float(np.nanmedian(mean)), floor)
     nearby, step = np.empty(len(around)), max(1, BLOCK // around.shape[1])
     for first in range(0, len(around), step):

@@ -11,12 +11,11 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Mask
 from floquid.fit import FEW_STEPS, RARE, chi2_limit
 from floquid.inputs import InputMode, Limits
-from floquid.search import LOOSE
+from floquid.search import CANDIDATES, LOOSE
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, near_real, promised, real_for
 
 DECAYS = 10  # decays of the grid, from a part of the distance of lines to their range
 FINE = 3  # frequencies of the grid for a line
-TRIED = 3  # exponents of the grid that are fitted
 FAR = 1e3  # the size of an exponent over the highest frequency of the lines from which on a fit ran away from them
 HELD = 1e6  # weight of a gain over the initial state, where the scale of a mode is fixed
 
@@ -195,7 +194,7 @@ def _candidates(lines: Lines, residual: Complexes) -> list[complex]:
     for pole in poles[np.argsort(left)].tolist():
         if all(abs(pole - other) > max(2.0 * gap, abs(other.real)) for other in chosen):
             chosen.append(pole)
-        if len(chosen) == TRIED:
+        if len(chosen) == CANDIDATES:
             break
     return chosen
 

@@ -13,9 +13,7 @@ from floquid.fit import HALF_DIGITS
 from floquid.periodic.least_squares import PLAIN, ModeParameters, RecordBlock, Residual, complex_of, forced_entries
 from floquid.periodic.search._objective import Point
 from floquid.periodic.search._peaks import Peak, peaks
-from floquid.search import GAP, Move
-
-PEAKS = 3  # peaks that are tried, together and each alone
+from floquid.search import CANDIDATES, GAP, Move
 
 
 def residuals(point: Point) -> list[Residual]:
@@ -35,7 +33,7 @@ def additions(
     least = price.mode(real=False) + float(price.harmonics(np.array([True]))[0])
     # Far from a loud mode its skirts are above the noise there: by one level for all bands the loudest is first.
     for levels in (rest, [residual.level() for residual in rest]):
-        _, candidates = peaks(point.blocks, levels, point.period, most=PEAKS)
+        _, candidates = peaks(point.blocks, levels, point.period, most=CANDIDATES)
         candidates = [peak for peak in candidates if peak.gain > loud * max(peak.limit, least)]
         if not candidates:
             return

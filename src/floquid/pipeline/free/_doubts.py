@@ -12,7 +12,7 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
-from floquid.fit import DEVIATIONS, EVIDENT, QUIET, SIGNIFICANT
+from floquid.fit import DEVIATIONS, EVIDENT, FAINT, QUIET, SIGNIFICANT
 from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
 from floquid.periodic import TURNED, Fit, estimate_period, spacing, synchrony, unexplained
@@ -148,10 +148,9 @@ def quiet(lifted: Lifted) -> bool:
     return bool((lifted.noise < QUIET * largest_values(lifted.responses.values, lifted.n_channels)).all())
 
 
-OWN = 0.1
-"""Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""
-
-COPIED = 0.04  # the same below which it is a copy, up to rounding; above, sensors may share what they do not measure
+COPIED = 0.04
+"""Share of its noise that a channel has beside the others, below which it is a copy, up to rounding; above, sensors may
+share what they do not measure."""
 
 
 def of_sums(found: Analysis) -> tuple[Finding, ...]:
@@ -194,7 +193,7 @@ def _sum_of_others(analysis: Analysis) -> Sum | None:
         rows, rests = rows[:, there], rests[:, there]
     noise = np.minimum(_noise_of(rests), _noise_of(rows))  # a wrong model leaves more than there is
     quiet = noise <= QUIET * np.abs(rows).max(axis=1)
-    return None if quiet.any() else sum_among(rows, noise, OWN)
+    return None if quiet.any() else sum_among(rows, noise, FAINT)
 
 
 def _noise_of(rests: Floats) -> Floats:

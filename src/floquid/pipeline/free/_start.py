@@ -14,7 +14,7 @@ from floquid._checks import input_error
 from floquid.core import BRIDGED, Cycles, PhaseClock, Record, longest_run, over_gaps, runs_of
 from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.findings import note
-from floquid.fit import HALF_DIGITS
+from floquid.fit import HALF_DIGITS, QUIET
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
@@ -34,7 +34,7 @@ from floquid.preparation import (
 )
 from floquid.sync import ShaftAngle, resample, segment
 
-FLOORS = (1e-4, 1e-3)
+FLOORS = (QUIET, 10.0 * QUIET)
 """Shares of a channel's largest value down to which a record that has hardly any noise is believed, one after another,
 where what modes leave is no noise."""
 

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from floquid._arrays import Complexes, Integers
-from floquid.checks import MISFIT
 from floquid.core import PeriodicModel, Record
-from floquid.fit import SURE, chi2_limit, is_vague
+from floquid.fit import MISFIT, SURE, chi2_limit, is_vague
 from floquid.lifting import Lifted, largest_values, unlift
 from floquid.lti import ERA, SHORT, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
