@@ -220,7 +220,7 @@ def quick(quick_pictures, monkeypatch):
     outside = subprocess.run
     monkeypatch.setattr(subprocess, "run", started)
     monkeypatch.setattr(_identify, "CHAINS", {kind: remembered(kind, chain) for kind, chain in CHAINS.items()})
-    monkeypatch.setattr("floquid.plot._save._write", lambda figure, path, *_, **__: path.touch())
+    monkeypatch.setattr("floquid.plot._style._write", lambda figure, path, *_, **__: path.touch())
     monkeypatch.setattr(floquid, "report", floquid.reporting.report)
     monkeypatch.setattr("floquid.cli.commands.identify.write_report", floquid.reporting.report)
 

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Mask
 from floquid._checks import counted, input_error, wrong_value
-from floquid.comparison._compare import joint_parts, set_against
-from floquid.comparison._pairs import Match, chi_square, in_model, parts_of
+from floquid.comparison._compare import Match, chi_square, in_model, joint_parts, parts_of, set_against
 from floquid.comparison._parameters import Direction, Misfit, Parameter, Updated
 from floquid.comparison._sides import side_of
 from floquid.core import Channel, PeriodicModel

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 from floquid.plot._comparison import comparison, monitor, periodic_amount
 from floquid.plot._exponents import exponents
 from floquid.plot._record import speed, synchronisation, synthesis, time_record
-from floquid.plot._save import FIGURES, figure_of_fit, save_figure, save_figures
 from floquid.plot._shapes import periodic_shapes
 from floquid.plot._spectra import harmonic_spectra, spectra
 from floquid.plot._stabilisation import composite, indicators, stabilisation
-from floquid.plot._style import style
+from floquid.plot._style import FIGURES, figure_of_fit, save_figure, save_figures, style
 from floquid.plot._survey import campbell, damping, multipliers, stability_map
 from floquid.plot._system_elements import system_elements
 from floquid.plot._transfer import nyquist, transfer

@@ -4,11 +4,10 @@
 `path_shapes` reads those that a scanning sensor saw, over its path.
 """
 
-from floquid.shapes._arguments import APART, Blades, Pairs, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, PatternShare, Words
 from floquid.shapes._path import PathShapes, path_shapes
 from floquid.shapes._read import ModeReading, Participation, ShapeOptions, ShapeReadings, ordinal, read_shapes
-from floquid.shapes._shares import CLEAR, Whirl, sense_of
+from floquid.shapes._shares import APART, CLEAR, Blades, Pairs, Whirl, pairs_of, sense_of
 from floquid.shapes._sidebands import PeriodicAmount, Sidebands, sidebands_of
 
 __all__ = [

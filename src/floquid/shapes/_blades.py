@@ -12,8 +12,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt
 from floquid.core import Shape
-from floquid.shapes._arguments import Family
-from floquid.shapes._shares import Energies
+from floquid.shapes._shares import Energies, Family
 
 Words: TypeAlias = Literal["en", "openfast", "hawc"]
 

@@ -14,9 +14,20 @@ from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, Sealed, input_error, positive, wrong_value
 from floquid.core import Channel, Identified, PeriodicModes, Shape, as_point, channels_named, couples_of
 from floquid.periodic import CONFIDENT
-from floquid.shapes._arguments import APART, OF, Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, Words, pattern_of
-from floquid.shapes._shares import Energies, Whirl, whirl_of
+from floquid.shapes._shares import (
+    APART,
+    OF,
+    Blades,
+    Energies,
+    Family,
+    Pair,
+    Pairs,
+    Whirl,
+    families_of,
+    pairs_of,
+    whirl_of,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,7 +7,7 @@ from tests.driven import Driven, creeping, pulls, record_of
 from floquid import Record, identify
 from floquid.inputs import bare_mode, read_near_axis, samples_of, solve
 from floquid.inputs._solver import covariance
-from floquid.inputs.search import _near_axis
+from floquid.inputs.search import _search
 
 PHASES = 16
 
@@ -70,5 +70,5 @@ def test_a_pair_of_which_q_is_not_determined_is_left_as_it_is(monkeypatch):
     samples = samples_of([values], [inputs], [0.0], step=system.period / 12, fundamental=omega)
     now = solve(samples, [bare_mode(samples, -0.12 + 0.01j, band, band)])
     assert read_near_axis(samples, now).at is not now
-    monkeypatch.setattr(_near_axis, "covariance", lambda *fit: 1e8 * covariance(*fit))
+    monkeypatch.setattr(_search, "covariance", lambda *fit: 1e8 * covariance(*fit))
     assert read_near_axis(samples, now).at is now

@@ -13,7 +13,7 @@ from floquid.core import Provenance
 from floquid.inputs import InputMode, Uncertainty, columns_at, linearise, samples_of, slopes_in_parts, slopes_of
 from floquid.inputs._modes import directed, runs_away, state_of
 from floquid.inputs._slopes import reached_by
-from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
+from floquid.inputs.search._search import block_of_pair, block_of_reals, ordinary
 
 STEP, OMEGA = 0.17, 1.3
 

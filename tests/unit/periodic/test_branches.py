@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from floquid import AzimuthSignal, Channel, Record, identify
-from floquid.periodic.search import _deviations
+from floquid.periodic.search import _final
 
 
 def synthetic(*, strongest=1, wander=2e-3, noise=1e-3, seed=0, second=0.0):
@@ -66,8 +66,8 @@ def test_a_mode_that_is_held_has_no_variance_of_branches(monkeypatch):
         reached.append(point)
         raise Reached
 
-    own = _deviations._spread_of_branches
-    monkeypatch.setattr(_deviations, "_spread_of_branches", caught)
+    own = _final._spread_of_branches
+    monkeypatch.setattr(_final, "_spread_of_branches", caught)
     with pytest.raises(Reached):
         identify(record, validate=False)
     (point,) = reached

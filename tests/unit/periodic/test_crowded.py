@@ -12,7 +12,7 @@ from floquid.errors import IdentificationError
 from floquid.periodic import fit
 from floquid.periodic.least_squares import ModeParameters, RecordBlock, forced_entries, linearise
 from floquid.periodic.search import Bounds, Point, priced, searched
-from floquid.periodic.search._deviations import beyond_noise
+from floquid.periodic.search._final import beyond_noise
 from floquid.periodic.search._folds import folds, shared_harmonics, with_all_lines
 from floquid.periodic.search._objective import Price
 from floquid.testing import assert_exponents_close, pair_exponents

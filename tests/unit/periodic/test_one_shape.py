@@ -228,7 +228,7 @@ def test_a_mode_next_to_a_copy_of_itself_is_not_determined():
 
 def test_hits_that_agree_are_not_told_to_disagree_where_one_shape_moves_a_mode(hits, monkeypatch):
     """A weak mode that ran away was told as hits that disagree, by chance 1."""
-    monkeypatch.setattr("floquid.periodic.search._several_shapes.FARTHEST", 0.0)
+    monkeypatch.setattr("floquid.periodic.search._one_shape.FARTHEST", 0.0)
     found = identify(hits.records(0), validate=False)
     assert not found.model.one_shape
     assert "hits_disagree" not in [finding.code for finding in found.findings]

@@ -2,16 +2,21 @@
 
 from floquid.floquet.matrices._arithmetic import (
     Operand,
+    Reach,
     added,
+    after_jumps,
     assembled,
     common_period,
     constant_of,
+    elements,
+    fourier,
     joint_breaks,
+    of_function,
     operand,
     product,
+    reach,
     scaled,
 )
-from floquid.floquet.matrices._conversion import Reach, after_jumps, elements, fourier, of_function, reach
 from floquid.floquet.matrices._forms import (
     LAST,
     FunctionMatrix,

@@ -12,8 +12,7 @@ from floquid.core import Estimates, PeriodicModel
 from floquid.fit import HALF_DIGITS, covariance_root
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
-from floquid.periodic.expansion._free_estimates import free_estimates, share_of_nyquist
-from floquid.periodic.expansion._kept_harmonics import select_bands
+from floquid.periodic.expansion._free_estimates import free_estimates, select_bands, share_of_nyquist
 from floquid.search import GAP
 
 

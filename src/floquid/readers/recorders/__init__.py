@@ -1,7 +1,6 @@
 """Files of recorders and of acquisition systems."""
 
-from floquid.readers.recorders._comtrade import SAMPLES, load_comtrade
-from floquid.readers.recorders._mdf import load_mdf
+from floquid.readers.recorders._mdf import SAMPLES, load_comtrade, load_mdf
 from floquid.readers.recorders._tdms import load_tdms
 from floquid.readers.recorders._wav import load_wav
 
