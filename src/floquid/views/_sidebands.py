@@ -115,20 +115,11 @@ class Source(Protocol):
 class _Model:
     """Transfer functions of an analysis, at any frequency."""
 
-    analysis: Analysis
     hertz: Floats
-
-    @property
-    def outputs(self) -> tuple[Channel, ...]:
-        return self.analysis.model.channels
-
-    @property
-    def inputs(self) -> tuple[Channel, ...]:
-        return self.analysis.inputs
-
-    @property
-    def step(self) -> float | None:
-        return None
+    outputs: tuple[Channel, ...]
+    inputs: tuple[Channel, ...]
+    step: float | None
+    analysis: Analysis
 
     def at(self, shift: int, turns: Sequence[int]) -> list[Both]:
         found = self.analysis.transfer(self.hertz + shift / self.analysis.model.period, turns)
@@ -140,25 +131,13 @@ class _Model:
 class _Lines:
     """Transfer functions at lines, and at their negatives by conjugates."""
 
+    hertz: Floats
+    outputs: tuple[Channel, ...]
+    inputs: tuple[Channel, ...]
+    step: float | None
     found: TransferFunctions
     fundamental: float
     others: complex  # G of harmonics that are not there: zero, or NaN where they must be
-
-    @property
-    def hertz(self) -> Floats:
-        return self.found.frequencies_hz
-
-    @property
-    def outputs(self) -> tuple[Channel, ...]:
-        return self.found.outputs
-
-    @property
-    def inputs(self) -> tuple[Channel, ...]:
-        return self.found.inputs
-
-    @property
-    def step(self) -> float | None:
-        return self.found.step
 
     def at(self, shift: int, turns: Sequence[int]) -> list[Both]:
         own, target = self.found, self.hertz + shift * self.fundamental
@@ -187,7 +166,8 @@ def source_of(
     """Transfer functions at shifted frequencies, of an analysis or of lines; `others` are harmonics that lines lack."""
     if isinstance(subject, Analysis):
         hertz = subject.transfer(harmonics=0).frequencies_hz if frequencies_hz is None else frequencies_hz
-        return cast("Source", _Model(subject, frozen_array(hertz, "frequencies_hz", of, axes=("frequencies",))))
+        shown = frozen_array(hertz, "frequencies_hz", of, axes=("frequencies",))
+        return cast("Source", _Model(shown, subject.model.channels, subject.inputs, None, subject))
     if not isinstance(subject, TransferFunctions):
         must = "be a Record, TransferFunctions or an Analysis"
         raise wrong_value("subject", of, must, subject, "Pass `analysis.transfer()`, say.")
@@ -196,7 +176,8 @@ def source_of(
         raise input_error("frequencies_hz", of, must, "is given", remedy)
     if period is None:
         raise input_error("period", of, "be given with transfer functions", "is not", "They do not know it.")
-    return cast("Source", _Lines(subject, 1.0 / positive(period, "period", of, unit="s"), others))
+    ends, fundamental = (subject.outputs, subject.inputs), 1.0 / positive(period, "period", of, unit="s")
+    return cast("Source", _Lines(subject.frequencies_hz, *ends, subject.step, subject, fundamental, others))
 
 
 def refuse_none(there: Mask, of: str) -> None:
