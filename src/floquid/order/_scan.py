@@ -13,9 +13,6 @@ from floquid.order._types import Criteria, OrderScan, Stability, Tolerances, bot
 
 MOST = 40  # the highest order of a scan whose orders are not given
 
-FAR = 10.0
-"""The misfit, in tolerances, beyond which two poles are just as far: one that is lost pushes no other off its match."""
-
 DEFAULT = Tolerances()
 
 
@@ -205,7 +202,8 @@ def stability(
     turn, decay = _misfits(model.multipliers, lower.multipliers, tolerances)
     shape = (1.0 - mac(*shapes)) / (1.0 - tolerances.shape)
     misfits = np.stack([turn, decay, shape])
-    rows, columns = paired(np.minimum(misfits, FAR).sum(axis=0))
+    # Beyond the tolerance two poles are just as far: one that is lost pushes no other off its match.
+    rows, columns = paired(np.minimum(misfits, 1.0).sum(axis=0))
     met = misfits[:, rows, columns] <= 1.0
     levels[rows] = np.cumprod(met, axis=0).sum(axis=0)
     # Equal angles of real multipliers say nothing by themselves.
