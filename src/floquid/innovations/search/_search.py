@@ -251,7 +251,7 @@ def _with(
 
 def _bare(driven: Samples, exponent: complex, limits: Limits) -> InputMode:
     """A candidate with one harmonic on either side at most; a real multiplier where it is all but on an axis."""
-    half, most = 0.5 * round(2.0 * exponent.imag / driven.fundamental), min(1.0, limits.highest)
+    half, most = 0.5 * round(2.0 * exponent.imag / driven.fundamental), min(1.0, np.floor(limits.highest))
     if abs(exponent.imag - half * driven.fundamental) > OFF * abs(exponent.real):
         turns = np.arange(-most, most + 0.5)
         return bare_mode(driven, exponent, turns, turns)
