@@ -50,11 +50,13 @@ def excitation_of(
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
     shares, hertz = relative[places], np.abs(model.exponents[places]) / (2.0 * np.pi)
     decays, certain = np.abs(model.exponents[places].real), _own(fit)
-    # Two that were read from one block are two, however near.
+    # Two real multipliers that were read from one block are two, however near; each block has two, or a pair.
+    reals = [number for number in sorted(as_read) if fit.at.modes[number].real]
+    couples = set(zip(reals[::2], reals[1::2], strict=False))
     groups = [
         np.array(group)
         for group in alike(fit.at.modes, model.fundamental)
-        if len(set(group) - set(as_read)) > 0 and len(group) > 1
+        if len(group) > 1 and tuple(sorted(group)) not in couples
     ]
     findings += _no_estimates(fit, model, shares, certain, groups)
     longest = max(np.diff(fit.samples.begins)) * fit.samples.step
@@ -86,7 +88,7 @@ def excitation_of(
                 seconds=float(periods[worst] * model.period),
             )
         )
-    copies = _copies(fit, shares * decays, ~gone & ~np.isin(range(len(decays)), list(as_read)), groups)
+    copies = _copies(fit, shares * decays, ~gone, groups, couples)
     if groups or copies:
         report = failure if copies else warning
         findings.append(
@@ -137,7 +139,9 @@ def _own(fit: Fit) -> Mask:
     return np.array(certain)
 
 
-def _copies(fit: Fit, std: Floats, lasting: Mask, groups: Sequence[Integers]) -> list[Integers]:
+def _copies(
+    fit: Fit, std: Floats, lasting: Mask, groups: Sequence[Integers], couples: Collection[tuple[int, int]] = ()
+) -> list[Integers]:
     """Pairs of modes that neither their deviations (modes,) nor their shapes separate: one of them may be a copy."""
     # A copy is seen as the other is. Both outlast a period, or one, and the other is as near as a mode of its group.
     from scipy.special import chdtrc
@@ -146,7 +150,7 @@ def _copies(fit: Fit, std: Floats, lasting: Mask, groups: Sequence[Integers]) ->
     grouped = {pair for group in groups for pair in combinations(sorted(group.tolist()), 2)}
     for first, second in combinations(range(len(modes)), 2):
         last = lasting[[first, second]]
-        if not (last.all() or (last.any() and (first, second) in grouped)):
+        if (first, second) in couples or not (last.all() or (last.any() and (first, second) in grouped)):
             continue
         if gap_of(modes[first], modes[second], omega)[0] < DEVIATIONS * float(np.hypot(std[first], std[second])):
             squares, degrees, share = fit.beside(first, second)
