@@ -424,7 +424,7 @@ def test_a_period_that_is_far_off_fails_with_its_own(values, share):
 
 @pytest.mark.slow
 def test_a_period_that_is_off_fails_where_more_modes_make_the_innovations_white():
-    values = ambient_of(SYSTEM, 1000, PHASES, 0.05, 1)
+    values = ambient_of(SYSTEM, 1000, PHASES, 0.05, 3)
     found = identify(record_from(values), period=0.95 * SYSTEM.period, excitation="ambient")
     codes = {own.code for own in found.findings}
     assert "colour_left" not in codes
