@@ -67,8 +67,9 @@ def stable_gains(samples: Samples, modes: Sequence[Mode], covariance: Floats, hi
 
 def _expanded(samples: Samples, mode: Mode, gains: NDArray, highest: float) -> Mode:
     """A mode with gains of the innovations along a period in harmonics (samples, channels)."""
-    ends = (mode.reach[0] % 1.0 if mode.real else -highest, highest)
-    wide = np.arange(ends[0], ends[1] + 0.25)
+    # Without a harmonic at all a negative multiplier turns by half a fundamental.
+    lowest = mode.reach[0] % 1.0 if mode.real else -highest
+    wide = np.arange(lowest, max(highest, lowest) + 0.25)
     basis = turning(samples.part(slice(0, len(gains))), wide).T
     if mode.real:
         both = np.linalg.lstsq(np.concatenate([basis.real, -basis.imag], axis=1), gains, rcond=None)[0]

@@ -220,6 +220,8 @@ def test_gains_of_a_predictor_that_grows_have_a_stable_one_of_the_same_spectrum(
     # Half of the gain is no longer that spectrum.
     half = predicted(samples, [replace(mode, gains=0.5 * mode.gains) for mode in stable], *still)
     assert half is None or colour(samples, half)[1] < 1e-9
+    # Of no harmonic a negative multiplier has the one at half a turn: there was none, and the search broke off.
+    assert [mode.reach.tolist() for mode in stable_gains(samples, wild, np.eye(2), 0.0)] == [[0.0], [0.5]]
 
 
 @pytest.mark.parametrize("number", [0, 1], ids=["pair", "real"])
