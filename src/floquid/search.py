@@ -105,6 +105,7 @@ def longer(band: Floats, by: float, highest: float, real: bool) -> Floats:
     more = np.arange(1.0, by + 1.0)
     both = np.concatenate([[] if real else band[0] - more[::-1], band, band[-1] + more])
     # Twelve samples hold twelve harmonics of a pair, five on one side and six on the other: the highest is 5½ then. On
-    # another branch a band may reach beyond: it keeps what it has.
-    above = highest if real else np.ceil(highest)
-    return both[(both >= min(band[0], -highest)) & (both <= max(band[-1], above))]
+    # another branch a band may reach beyond: it keeps what it has, and ends earlier on the other side.
+    lowest = min(band[0], max(-highest, band[-1] - 2.0 * highest))
+    most = highest if real else min(np.ceil(highest), band[0] + 2.0 * highest)
+    return both[(both >= lowest) & (both <= max(band[-1], most))]

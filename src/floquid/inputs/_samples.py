@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from floquid._arrays import BLOCK, Complexes, Floats, Mask
 from floquid._checks import Rebuilt
 from floquid.core import BRIDGED, Hold, over_gaps, runs_of
-from floquid.fit import CHUNK
+from floquid.fit import CHUNK, HALF_DIGITS
 
 LEAKAGE = 0.02
 """The share of a sample by which a whole number of periods may not be one of samples: less leaks than noise has."""
@@ -97,7 +97,7 @@ class Samples(Rebuilt):
     @property
     def highest(self) -> int:
         """The highest harmonic that samples tell from all lower ones."""
-        return int(np.ceil(np.pi / (self.fundamental * self.step))) - 1
+        return int(np.ceil(np.pi / (self.fundamental * self.step) - HALF_DIGITS)) - 1
 
     @property
     def input_size(self) -> Floats:

@@ -97,3 +97,10 @@ def test_memory_does_not_grow_with_the_parameters(monkeypatch):
         passed(scores, normal_equations(own, at), [0, 1])
 
     assert peak_of(everything, outputs.nbytes + inputs.nbytes) < 16.0
+
+
+def test_rounding_of_the_period_adds_no_harmonic():
+    """Of 14 samples in 0.3 s a seventh harmonic was taken for another one than its own conjugate."""
+    none = np.zeros((0, 28))
+    of = samples_of([np.ones((1, 28))], [none], [0.0], step=1.0 / (14.0 / 0.3), fundamental=2.0 * np.pi / 0.3)
+    assert of.highest == 6

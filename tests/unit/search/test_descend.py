@@ -80,5 +80,7 @@ def test_bands_hold_as_many_harmonics_as_a_period_has_samples():
         highest = 0.5 * (samples - 1)
         assert np.array_equal(longer(np.zeros(1), samples, highest, real=False), band)
         assert len(band) == samples
+        for branch in (-band[::-1], band[:-3] - 3.0, band[3:] + 3.0):
+            assert np.ptp(longer(branch, samples, highest, real=False)) == samples - 1
     assert np.array_equal(longer(np.zeros(1), 12, 5.5, real=True), np.arange(6.0))
     assert np.array_equal(longer(np.array([0.5]), 12, 5.5, real=True), np.arange(0.5, 6.0))
