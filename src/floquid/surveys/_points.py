@@ -194,7 +194,7 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
 
 def _marks(records: Sequence[Record]) -> tuple[str, ...]:
     """Marks of the samples of each channel of the records of an analysis; none of what has no records."""
-    rows = [row for record in records for row in record.values if np.ptp(row) > 0.0]
+    rows = [row for record in records for row in record.values if np.fmax.reduce(row) > np.fmin.reduce(row)]
     return tuple(sha256(np.ascontiguousarray(row).tobytes()).hexdigest() for row in rows)
 
 
