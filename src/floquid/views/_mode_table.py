@@ -270,6 +270,7 @@ def note_meanings(table: ModeTable) -> list[str]:
 
 
 def couple_words(model: PeriodicModel) -> list[str]:
-    """The rows of the table of modes of a `model` that two by two are one mode: a pair that is locked to the period."""
+    """The rows of the table of modes of a `model` that two by two may be one mode: a pair locked to the period."""
+    # Two lags that no lock ever joined have shapes as much alike: seen by one channel, they are constants.
     rows = [[model.upper_modes.index(mode) + 1 for mode in couple] for couple in model.couples]
-    return [f"rows {first} and {second}: one mode, locked to the period as two multipliers" for first, second in rows]
+    return [f"rows {first} and {second}: shapes alike, as of one mode locked to the period" for first, second in rows]

@@ -115,7 +115,7 @@ def test_two_rows_that_are_one_locked_mode_are_told(locked):
     record = Record(values=values, sample_rate=24.0 / np.pi, channels=["x"], clock=ConstantPeriod(period=np.pi))
     analysis = identify(record, validate=False)
     assert analysis.model.multipliers.real == pytest.approx([-0.9653, -0.7567], abs=2e-3)
-    told = "rows 1 and 2: one mode, locked to the period as two multipliers"
+    told = "rows 1 and 2: shapes alike, as of one mode locked to the period"
     assert told in " ".join(analysis.summary().split())
     assert told in modes_of(analysis)["meanings"]
     assert "locked to the period" not in locked.summary()
