@@ -184,13 +184,19 @@ class Fit(DrivenFit):
         """Squared deviations of a shape from all multiples of another's, how many numbers tell, and its share."""
         modes, omega = self.at.modes, self.samples.fundamental
         _, turn, other = gap_of(modes[first], modes[second], omega)
-        turns = (-modes[second].turns if other else modes[second].turns) - turn
-        band = np.union1d(modes[first].turns, turns)
-        one, two = self._on(band, first, modes[first].turns, 1.0), self._on(band, second, turns, -1.0 if other else 1.0)
+        axis, mixed = modes[first].axis, modes[first].real != modes[second].real
+        parts: list[list[tuple[int, Floats, float]]] = []
+        for number, way, off in ((first, 1.0, axis), (second, -1.0 if other else 1.0, axis - turn)):
+            mode = modes[number]
+            # The signal of a real multiplier is half of its harmonics and half of their conjugates: those of a pair.
+            signs = (1.0, -1.0) if mixed and mode.real else (1.0,)
+            parts.append([(number, way * (sign * mode.turns - mode.axis) + off, way * sign) for sign in signs])
+        band = np.unique(np.concatenate([turns for own in parts for _, turns, _ in own]))
+        one, two = (np.mean([self._on(band, *part) for part in own], axis=0) for own in parts)
         noise = np.tile(np.repeat(self.at.noise[:, 0], len(band)), 2)
-        # Multiples by a + ib, or by a alone of real multipliers: i times real parts and imaginary ones.
+        # Multiples by a + ib, or by a alone of two real multipliers: i times real parts and imaginary ones.
         half = len(noise) // 2
-        along = [one] if modes[first].real else [one, np.concatenate([-one[half:], one[:half]])]
+        along = [one] if modes[first].real and modes[second].real else [one, np.concatenate([-one[half:], one[:half]])]
         values = np.stack([own[:, -1] for own in along], axis=1)
         share = np.linalg.lstsq(values / noise[:, None], two[:, -1] / noise, rcond=None)[0]
         left = two - np.tensordot(share, along, axes=1)

@@ -24,6 +24,7 @@ from floquid.checks._residual import of_outliers
 from floquid.exports import summary
 from floquid.findings import Severity
 from floquid.innovations import Fit, first_innovations, period_step, predicted, repetition
+from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import rebuilt
 from floquid.innovations._solve import solve
 from floquid.innovations.search._bands import bent
@@ -367,6 +368,27 @@ def test_lasting_modes_that_neither_deviations_nor_shapes_tell_apart_fail(analys
     assert copies(own.shape, share=0.1) == copies(own.shape, lasting=False) == 0
     assert copies(turned) == copies(turned, conjugate=True) == 0
     assert copies(own.shape + 0.1 * turned) == copies(turned, std=1.0) == 1
+
+
+@pytest.mark.parametrize("axis", [0.0, 0.5])
+def test_a_pair_with_the_shape_of_a_real_multiplier_may_be_a_copy(axis, analysis):
+    """Harmonics of one sign were set against those of both, half a fundamental off: nothing was a multiple."""
+    fit, generator, turns = analysis.fit, np.random.default_rng(0), np.arange(axis, 2.6)
+    omega, step, none = fit.samples.fundamental, fit.samples.step, np.zeros(1)
+    shape, gains = (generator.standard_normal((2, 1, len(turns))).T @ [1.0, 1j]).T, np.full((1, 1), 0.1 + 0j)
+    shape[:, turns == 0.0] = shape[:, turns == 0.0].real
+    real = Mode(exponent=-0.07 + 0j, real=True, turns=turns, shape=shape, reach=turns[:1], gains=gains)
+    both = np.unique(np.concatenate([-turns, turns]))
+    values = np.stack([shape[:, turns == abs(turn)][:, 0] for turn in both], axis=1)
+    values = np.where(both < 0.0, values.conj(), values) * np.where(both, 0.5, 1.0)
+    exponent, other = -0.075 + 0.01j + 1j * axis * omega, (0.3 - 0.8j) * values
+    pair = Mode(exponent=exponent, real=False, turns=both - axis, shape=other, reach=none, gains=gains)
+    bent_shape = replace(pair, shape=other * np.exp(1j * np.arange(len(both))))
+    for own, copied in ((pair.turned(2.0, omega, step), True), (pair.conjugate(), True), (bent_shape, False)):
+        for modes in ([real, own], [own, real]):
+            at = predicted(fit.samples, modes, fit.at.columns, np.zeros((1, 3)))
+            share = Fit(fit.samples, at, fit.acting).beside(0, 1)[2]
+            assert share < 1e-12 if copied else share > 0.5
 
 
 def test_harmonics_left_out_that_would_move_an_exponent_are_seen(analysis):
