@@ -202,8 +202,9 @@ def stability(
     turn, decay = _misfits(model.multipliers, lower.multipliers, tolerances)
     shape = (1.0 - mac(*shapes)) / (1.0 - tolerances.shape)
     misfits = np.stack([turn, decay, shape])
-    # Beyond the tolerance two poles are just as far: one that is lost pushes no other off its match.
-    rows, columns = paired(np.minimum(misfits, 1.0).sum(axis=0))
+    # Beyond a tolerance two poles are just as far: one that is lost pushes no other off its match. One that is missed
+    # costs as much as all that are met: what is within all of them is no better match elsewhere.
+    rows, columns = paired(np.where(misfits > 1.0, len(misfits), misfits).sum(axis=0))
     met = misfits[:, rows, columns] <= 1.0
     levels[rows] = np.cumprod(met, axis=0).sum(axis=0)
     # Equal angles of real multipliers say nothing by themselves.

@@ -174,6 +174,10 @@ def test_poles_are_paired_one_to_one():
     assert twice == [3, 3, 0, 0]
     crossed = levels([mu, close], [close, mu], (SHAPES[:2], SHAPES[:2]))
     assert crossed == [3, 3, 3, 3]
+    # Of shapes that are alike, each pole is within all tolerances of one, and has the decay of the other.
+    here, there = (np.exp(np.array([first, second])) for first, second in
+                   ((-0.02 + 1.0j, -0.0209 + 1.4j), (-0.0209 + 1.0115j, -0.02 + 1.3885j)))  # fmt: skip
+    assert levels(here, there, (SHAPES[[0, 0]], SHAPES[[0, 0]])) == [3, 3, 3, 3]
 
 
 def test_the_pairing_can_fail(monkeypatch):
