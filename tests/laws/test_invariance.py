@@ -99,6 +99,17 @@ def test_any_unit_will_do_whose_squares_can_be_computed_with(kind):
             identified(system, by * values, 16, options)
 
 
+def test_each_input_may_have_a_unit_of_its_own():
+    """The rough steps overflowed for inputs of 1e10 and 1e-10 together."""
+    system, generator = two_masses(), np.random.default_rng(0)
+    forces = generator.standard_normal((2, 480))
+    values = system.response(forces, 8)
+    values += 0.01 * values.std() * generator.standard_normal(values.shape)
+    units = np.array([[1e10], [1e-10]])
+    records = (np.concatenate([values, by * forces]) for by in (1.0, units))
+    assert gap(*(identified(system, own, 8, {"inputs": ["y2", "y3"]}) for own in records)) < 1e-6
+
+
 def test_records_in_other_units_are_measured_and_proposed_alike():
     """Before: an overflow in the proposal, which could be none of outputs of 1e-200."""
     system, values, options = small("inputs")

@@ -139,9 +139,9 @@ def searched(
 ) -> tuple[Linearisation, bool]:
     """The modes by which J is least, with their harmonics, and whether the budget of time was over before."""
     until, given = limits.begun().until, samples
-    # Rough steps are made in single precision: by a power of two nothing else changes.
-    unit = float(np.ldexp(1.0, int(np.frexp(np.max(samples.input_size, initial=0.0))[1])))
-    samples = replace(samples, inputs=samples.inputs / unit)
+    # Rough steps are made in single precision: by powers of two nothing else changes.
+    units = np.ldexp(1.0, np.frexp(samples.input_size)[1])
+    samples = replace(samples, inputs=samples.inputs / units[:, None])
     least = descended(Point(samples, limits, linearise(samples, []), helpful), _stages, until, report)
     if not least.n_modes:
         return linearise(given, [], least.at.direct), least.unfinished
@@ -150,7 +150,7 @@ def searched(
     least = descended(replace(least, limits=loose), _last_stages, until, report)
     found = least.at
     modes = [centred(samples, mode, found, number) for number, mode in enumerate(found.modes)]
-    modes = [replace(mode, initial=unit * mode.initial, sizes=unit * mode.sizes) for mode in modes]
+    modes = [replace(mode, gains=mode.gains / units[:, None], sizes=units * mode.sizes).scaled() for mode in modes]
     return solve(given, [_padded(mode, limits.highest) for mode in modes], found.direct), least.unfinished
 
 
