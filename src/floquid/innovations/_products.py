@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats
+from floquid.fit import HALF_DIGITS
 from floquid.innovations._mode import Mode, as_complex
 from floquid.innovations._predictor import Predictor
 from floquid.inputs import Samples
@@ -75,8 +76,8 @@ def as_real(samples: Samples, now: Predictor, modes: Sequence[Mode], half: float
         own = half + round(mode.exponent.imag / omega - half)
         gains = gains * np.exp(-1j * own * omega * samples.step)
         for part in (1.0, 1j):
-            seen.append(folded(mode.turns + own, part * shape))
-            driven.append(folded(mode.reach - own, gains / part))
+            seen.append(folded(samples, mode.turns + own, part * shape))
+            driven.append(folded(samples, mode.reach - own, gains / part))
     turns, reach = (np.arange(half % 1.0, max(band[-1] for band, _ in own) + 0.25) for own in (seen, driven))
     left, values, right = np.linalg.svd(_rows(seen, turns).T @ _rows(driven, reach), full_matrices=False)
     decay = float(np.mean([mode.exponent.real for mode in modes]))
@@ -107,8 +108,14 @@ def _rows(parts: Sequence[tuple[Floats, NDArray]], band: Floats) -> Floats:
     return np.concatenate([np.real(found), np.imag(found)], axis=1).reshape(len(parts), -1)
 
 
-def folded(turns: Floats, values: NDArray) -> tuple[Floats, Complexes]:
+def folded(samples: Samples, turns: Floats, values: NDArray) -> tuple[Floats, Complexes]:
     """Harmonics from zero on, and amplitudes whose real part is that of some of both signs (..., turns)."""
+    # Of a whole number of samples a period a harmonic beyond half of it is at the samples one within.
+    phases = 2.0 * np.pi / (samples.fundamental * samples.step)
+    count = round(phases)
+    wraps = np.rint(turns / count) * (abs(phases - count) < HALF_DIGITS)
+    values = values * np.exp(1j * count * wraps * samples.fundamental * samples.first_times[0])
+    turns = turns - count * wraps
     found = np.unique(np.abs(turns))
     folded = np.zeros((*values.shape[:-1], len(found)), complex)
     for turn, own in zip(turns, np.moveaxis(values, -1, 0), strict=True):

@@ -71,6 +71,22 @@ def test_a_block_predicts_what_the_modes_do_that_it_stands_for(half, kind):
     assert np.abs(again.innovations - at.innovations).max() < 1e-10
 
 
+@pytest.mark.parametrize("half", [0.0, 0.5])
+def test_a_block_has_no_harmonics_that_are_one_at_the_samples(half):
+    """Of four samples a period a pair near -1 had those at 1.5 and at 2.5, which are conjugates."""
+    generator = np.random.default_rng(5)
+    drawn = [generator.standard_normal((rows, COUNT)) for rows in (2, 1)]
+    step = 0.5 * np.pi / OMEGA
+    samples = samples_of(drawn[:1], drawn[1:], [0.4], step=step, fundamental=OMEGA, hold="none")
+    mode, states = some_mode(generator, -0.3 + 1j * (half * OMEGA + 0.08)), generator.standard_normal((1, 2))
+    shape, gains = (np.tile(values[:, :2], 2) for values in (mode.shape, 0.5 * mode.gains))
+    mode = replace(mode, turns=np.arange(-1.0, 3.0), shape=shape, reach=np.arange(-2.0, 2.0), gains=gains)
+    block, begun = block_of_pair(samples, mode, states)
+    assert max(block.turns[-1], block.reach[-1]) == 2.0 - half
+    own, other = (predicted(samples, [one], np.zeros((2, 1)), two) for one, two in ((mode, states), (block, begun)))
+    assert np.abs(own.innovations - other.innovations).max() < 1e-10
+
+
 @KINDS
 @pytest.mark.parametrize("which", [1, 2], ids=["modes", "block"])
 def test_what_is_anchored_is_what_has_no_information(half, kind, which):

@@ -102,8 +102,8 @@ def block_of_pair(samples: Samples, mode: Mode, initial: Floats) -> tuple[Mode, 
     away = mode.exponent.imag - half * omega
     away = begun_off(away, mode.exponent.real, omega)
     turned = mode.turned(-half, omega, samples.step)
-    reach, gains = folded(turned.reach, np.concatenate([turned.gains, -1j / away * turned.gains]))
-    turns, shape = folded(turned.turns, np.concatenate([turned.shape, 1j * away * turned.shape]))
+    reach, gains = folded(samples, turned.reach, np.concatenate([turned.gains, -1j / away * turned.gains]))
+    turns, shape = folded(samples, turned.turns, np.concatenate([turned.shape, 1j * away * turned.shape]))
     block = Mode(
         exponent=complex(mode.exponent.real),
         real=True,
