@@ -220,7 +220,7 @@ def _repeated(points: Sequence[Point]) -> list[str]:
         return []
     seen = f"At {number} of {counted(len(points), 'point')} the system repeats {times} times within its period."
     speeds = [(point.model, point.values.get("speed_rpm")) for point in points if point.model is not None]
-    given = float(np.median([60.0 / (model.period * speed) for model, speed in speeds if speed] or [0.0]))
+    given = float(np.median([60.0 / (model.period * abs(speed)) for model, speed in speeds if speed] or [0.0]))
     # Periods are whole parts of a revolution already, or the speed is that of another shaft.
     if given > 0.5 and abs(given - round(given)) < APART:
         return [f"{seen} Identify with that part of it: `--periods-per-rev {times * round(given)}`."]

@@ -74,9 +74,10 @@ def test_a_system_that_repeats_within_its_period_is_told(points):
             (points, [*points[:2], even[2]], [points[0], *even[1:]])]  # fmt: skip
     assert told == [0, 0, 1]
     # At half a revolution a period, as `--periods-per-rev 2` makes them: before, that was the advice.
-    for periods, advice in ((1, "of it: `--periods-per-rev 2`."), (2, "of it: `--periods-per-rev 4`.")):
+    # Backwards, too.
+    for periods, way, advice in ((1, 1.0, "of it: `--periods-per-rev 2`."), (2, -1.0, "of it: `--periods-per-rev 4`.")):
         turned = [
-            changed(own, values={"speed_rpm": 60.0 / (periods * own.model.period), "speed": own.values["speed"]})
+            changed(own, values={"speed_rpm": 60.0 * way / (periods * own.model.period), "speed": own.values["speed"]})
             for own in even
         ]
         assert sum(advice in own for own in survey(turned, over="speed").warnings) == 1
