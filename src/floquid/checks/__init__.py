@@ -9,7 +9,7 @@ from floquid.checks._decays import Decays
 from floquid.checks._excited import Ambient, Driven, Excited, Parted
 from floquid.checks._left_out import ALIVE, first_part, without_last
 from floquid.checks._modes import MOST_PERIODS, repeats_of
-from floquid.checks._residual import ABOVE, BESIDE, FAILED
+from floquid.checks._residual import BESIDE, FAILED
 from floquid.checks._verdict import CHECKS, findings_of, judged, validate
 
 __all__ = ["CHECKS", "Check", "Criterion", "Validation", "validate"]

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 LOUD_TONE, LOUD_LINE = 1.0, 0.5
 """Amplitudes of a tone and of any other line, over the noise, that fail a model: the latter may be of a mode."""
 
-ABOVE = 8.0  # a line over those beside it from which on it stands out: its amplitude, or the score of a tone
+ABOVE = 8.0  # least score of a tone over that of the lines beside it
 BESIDE = 4  # harmonics on each side of a mode's band, and lines on each side of a tone, that are looked at
 ROUNDING = 0.5  # residual over the noise below which the noise is no estimate but what the record is believed down to
-COLOUR = FAINT**2  # the sum of squared autocorrelations that is let pass in any case: squares of a faint amplitude
+COLOUR = 0.01  # the sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter
 STRONG_COLOUR = 0.25  # the same from which on a model fails: such colour may be what modes leave
 HARMONIC = 0.01  # the share of the response in one harmonic beside a band that is let pass in any case
 PIECE = 64  # lines of a spectrum over which its level is taken, and harmonics of the period looked at, at most

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.checks import ABOVE, BESIDE, MOST_PERIODS
+from floquid.checks import BESIDE, MOST_PERIODS
 from floquid.fit import CHUNK
 from floquid.innovations import FINE
 from floquid.sync import STEADY
@@ -19,6 +19,9 @@ STEADY_LINES = 12
 
 PERIODS_A_LINE = 4.0
 """Periods of the records over the harmonics that are fitted, at least, where all are."""
+
+LOUD = 8.0
+"""The amplitude at a harmonic over that beside it from which on it is fitted."""
 
 PURE = 50.0
 """The amplitude of such a line over that beside, at least: few modes that hardly decay are at such a line."""
@@ -41,7 +44,7 @@ class Lines:
         one that is left out would be taken for a mode that never decays.
         """
         turns = self._up_to_highest(periods_of_turn)
-        loud = turns[self._above(turns, self.outputs) > ABOVE]
+        loud = turns[self._above(turns, self.outputs) > LOUD]
         periods = sum(own.shape[1] for own in self.outputs) / (self.rate * self.period)
         return tuple((turns if len(loud) and periods > PERIODS_A_LINE * len(turns) else loud).tolist())
 
@@ -56,7 +59,7 @@ class Lines:
         pure = self._above(turns, self.outputs) > PURE
         if not pure.any():
             return 1
-        driven = self._above(turns, self.inputs) > ABOVE
+        driven = self._above(turns, self.inputs) > LOUD
         found = 1
         for count in each:
             if pure[counts == count].any() and not driven[counts == count].any():
@@ -115,7 +118,7 @@ class Tone:
 def tones_of(values: Floats, inputs: Floats, known: Floats, fundamental: float) -> tuple[Tone, ...]:
     """Tones in the outputs of a record (channels, samples) beside what is known of them (columns, samples).
 
-    One stands as far above the lines beside it as `ABOVE` says: a mode that is excited all along does only if it loses
+    One stands as far above the lines beside it as `LOUD` says: a mode that is excited all along does only if it loses
     less than two nepers in the record, and then no record of outputs alone tells its decay. What an input has at the
     same frequency is no tone, nor what it has whole multiples of the `fundamental` [cycles a sample] away. Nor is what
     is beside a harmonic of it: that may be a harmonic of the true period, and the one given be wrong.
@@ -140,8 +143,8 @@ def _loudest(left: Floats, inputs: Floats, fundamental: float) -> float | None:
     ratios, level = _above(left)
     margin = FINE * (BESIDE + 1)
     ratios[:margin] = ratios[-margin:] = 0.0
-    driven = _above(inputs - inputs.mean(axis=1, keepdims=True))[0] > ABOVE
-    for place in np.argsort(-ratios)[: max(int(np.sum(ratios > ABOVE)), 0)]:
+    driven = _above(inputs - inputs.mean(axis=1, keepdims=True))[0] > LOUD
+    for place in np.argsort(-ratios)[: max(int(np.sum(ratios > LOUD)), 0)]:
         frequency = place / (FINE * count)
         harmonic = np.rint(frequency / fundamental)
         if abs(frequency - harmonic * fundamental) < max(STEADY * fundamental, 2.0 / count):

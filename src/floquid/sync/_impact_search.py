@@ -12,8 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from floquid._arrays import BLOCK, Floats, Mask
 from floquid._checks import input_error
 from floquid.core import runs_of
-from floquid.fit import FEW_STEPS, QUIET, SURE, chi2_limit
-from floquid.sync._pulse_times import NEAR
+from floquid.fit import SURE, chi2_limit
 
 Blow = tuple[int, int, float, bool]
 
@@ -22,8 +21,16 @@ TERMS = 160  # coefficients a channel of the model at most: memory times channel
 ROWS_A_TERM = 5  # samples a coefficient that the fit needs
 MOST_ROWS = 10_000  # samples that the fit uses at most: more make it slower, not better
 
+LEAST_ERROR = 1e-4
+"""Prediction error that is never an impact, against the deviation of the channel, and that the fit takes for granted:
+one of a record without noise would be exact and unstable."""
+
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
+
+NEARBY = 16  # windows on each side over which the usual prediction error is taken
+
+PASSES = 6  # fits, at most, without the rows that hold impacts: each finds fewer of them than the one before
 
 
 def by_force(force: Floats, *, least: float, apart: int) -> list[Blow]:
@@ -60,8 +67,7 @@ def by_response(values: Floats, rows: list[int], *, least: float, apart: int) ->
     free = whole
     errors = _errors(in_time, memory, whole, free)
     excess, limit = _excess(*errors, window, len(rows))
-    # Fits without the rows that hold impacts: each finds fewer of them than the one before.
-    for _ in range(FEW_STEPS):
+    for _ in range(PASSES):
         counted = np.concatenate([[0], np.cumsum(excess > limit)])
         # A row of the fit is n ... n + memory: free when no impact comes after its first and up to its last sample.
         now = whole & (counted[memory + 1 : -1] == counted[1 : -1 - memory])
@@ -97,8 +103,7 @@ def _errors(in_time: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Floa
     used = _used(in_time, memory, free)
     mean, gram = _moments(in_time, used if used.any() else free)
     filters = np.hstack([_filter(gram, channels, ahead=True), _filter(gram, channels, ahead=False)])
-    # An error below `QUIET`, of the deviation of its channel, is none of an impact, and the fit takes it for granted:
-    # that of a record without noise would be exact and unstable. Single precision is far below it.
+    # Single precision is far below the least error that counts.
     single, offset = filters.astype(np.float32), (mean @ filters).astype(np.float32)
     errors, moments = np.empty((samples - memory, 2 * channels), np.float32), np.zeros((2 * channels, 2 * channels))
     step = max(1, BLOCK // len(single))
@@ -113,14 +118,14 @@ def _errors(in_time: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Floa
     ahead, back = np.full((2, samples), np.nan)
     floor = 0.0
     for squares, own in ((ahead[memory:], slice(channels)), (back[:-memory], slice(channels, None))):
-        covariance = moments[own, own] / free.sum() + QUIET**2 * np.eye(channels)
+        covariance = moments[own, own] / free.sum() + LEAST_ERROR**2 * np.eye(channels)
         inverse = np.linalg.inv(covariance)
         for first in range(0, len(errors), step):
             part = slice(first, first + step)
             error = errors[part, own].astype(np.float64)
             squares[part] = np.einsum("nc,nc->n", error @ inverse, error) / channels
         squares[~whole] = np.nan
-        floor = max(floor, QUIET**2 * float(np.trace(inverse)) / channels)
+        floor = max(floor, LEAST_ERROR**2 * float(np.trace(inverse)) / channels)
     return ahead, back, floor
 
 
@@ -174,7 +179,7 @@ def _filter(gram: Floats, channels: int, *, ahead: bool) -> Floats:
     size = len(gram)
     target = slice(size - channels, size) if ahead else slice(0, channels)
     known = slice(0, size - channels) if ahead else slice(channels, size)
-    ridge = QUIET**2 * np.eye(size - channels)
+    ridge = LEAST_ERROR**2 * np.eye(size - channels)
     filters = np.zeros((size, channels))
     filters[target] = np.eye(channels)
     filters[known] = -np.linalg.solve(gram[known, known] + ridge, gram[known, target])
@@ -201,8 +206,8 @@ def _excess(ahead: Floats, back: Floats, floor: float, window: int, channels: in
     mean = total
     mean[few] = np.nan
     sparse = mean[::window]
-    padded = np.pad(sparse, NEAR, constant_values=np.nan)
-    around = sliding_window_view(padded, 2 * NEAR + 1)
+    padded = np.pad(sparse, NEARBY, constant_values=np.nan)
+    around = sliding_window_view(padded, 2 * NEARBY + 1)
     usual = max(float(np.nanmedian(mean)), floor)
     nearby, step = np.empty(len(around)), max(1, BLOCK // around.shape[1])
     for first in range(0, len(around), step):

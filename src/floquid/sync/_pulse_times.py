@@ -20,7 +20,7 @@ RISE, FALL = 0.45, 0.25
 ENDS = (2, 1, 4)
 """Samples of base and of top that the sum over an edge takes in beyond the rise: filters ring, and noise adds up."""
 
-NEAR = 16  # samples, or windows, on either side of an event from which its level is taken, at most: levels drift
+NEAR = 16  # most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height
 CLEAR, CLEAR_AND_EVEN = 15.0, 6.0
 """Least height of pulses over the deviation of the base: the threshold is then six above it. Some that come evenly, as
 excursions of noise do not, may be lower."""

@@ -14,11 +14,14 @@ from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
-from floquid.fit import DEVIATIONS, MISFIT, SURE, is_vague
+from floquid.fit import SURE, is_vague
 from floquid.inputs import Errors, Grid, Hold, Limits, TransferFunctions, driven_of, estimates_of, sealed, transfer_of
 from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal, near_real
 from floquid.transfer._search import searched
+
+DOUBTFUL = 3.0  # deviations off the axis within which a pair may be two real multipliers
+WORSE = 1.3  # the χ² of a degree of freedom above which that is told: deviations of G are estimates themselves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -155,8 +158,8 @@ def fit_transfer(
     degrees = 2 * int(np.count_nonzero(lines.there)) - found.n_parameters
     ratio = found.cost / max(degrees, 1)
     covariance = found.covariance() * max(ratio, 1.0)
-    on_axis = next(near_real(found.modal.modes, lambda: covariance, lines.fundamental, [], DEVIATIONS), None)
-    misfit = degrees > 0 and ratio > MISFIT and chdtrc(degrees, found.cost) < SURE
+    on_axis = next(near_real(found.modal.modes, lambda: covariance, lines.fundamental, [], DOUBTFUL), None)
+    misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.cost) < SURE
     for one in (found.modal, *found.modal.modes):
         sealed(one)
     model = _model(lines, found.modal, covariance, own)

@@ -14,7 +14,7 @@ from floquid._checks import Rebuilt
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, texts, warning
-from floquid.fit import MISFIT, ROUNDING, SURE
+from floquid.fit import ROUNDING, SURE
 from floquid.inputs import Samples, TransferFunctions
 
 
@@ -96,6 +96,7 @@ EXCITED = 1e-3  # the amplitude of a line over the largest from which on it is o
 LOUD = 50.0  # where its power is this multiple of that of the noise of the input
 BESIDE = 8  # lines on either side whose variance over the repeats is put together
 RINGING = 2.0  # the variance of repeats with what rings on in it, over that without, from which on it is taken out
+MARGIN = 0.3  # the share of the noise above which that is told: its own level is an estimate
 
 
 def repeat_of(samples: Samples) -> int | None:
@@ -294,7 +295,7 @@ def _above(ratio: float, lines: int) -> bool:
     """True where a mean of squares of complex numbers over their variances is above 1 beyond chance."""
     from scipy.special import chdtrc
 
-    return bool(lines and chdtrc(2 * lines, 2 * lines * ratio) < SURE and ratio > MISFIT)
+    return bool(lines and chdtrc(2 * lines, 2 * lines * ratio) < SURE and ratio > 1.0 + MARGIN)
 
 
 def _not_linear(nonlinear: Floats, lines: int, names: Sequence[str]) -> list[Finding]:
