@@ -13,7 +13,7 @@ from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
-from floquid.fit import MODES
+from floquid.fit import AT_REST, MODES
 from floquid.lifting import Lifted
 from floquid.periodic._forced_part import (
     ForcedResponse,
@@ -229,22 +229,23 @@ def fit(
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
         point = Point.at(samples.final, *price_of(samples.final, base), base.joined(point.entries))
-    point, torn = as_one_of_hits(point, harmonic_false_alarm) if search else (point, False)
-    result = finished(
-        point,
-        noise_floor,
-        most=most,
-        choose=harmonics is None,
-        search=search and not torn,  # what no exponent of all fits would be a pair near an axis
-        steady=order is None,
-        free_period=free_period,
+    final = partial(
+        finished, floor=noise_floor, most=most, choose=harmonics is None, steady=order is None, free_period=free_period
     )
-    if not (~result.solution.entries.fixed).any():
-        raise IdentificationError(_no_mode(result))
-    result = replace(result, unlike=tuple(replace(each, torn=torn) for each in result.unlike))
-    if auto:
-        result = without_noise(result)
-    result = with_one_shape(read_as_modes(result), harmonic_false_alarm, noise_floor, most, order)
+
+    def of_hits(found: SearchResult) -> SearchResult:
+        judged = read_as_modes(without_noise(found) if auto else found)
+        return with_one_shape(judged, harmonic_false_alarm, noise_floor, most, order)
+
+    fitted = final(point, search=search)
+    if not (~fitted.solution.entries.fixed).any():
+        raise IdentificationError(_no_mode(fitted))
+    result = of_hits(fitted)
+    fewer = as_one_of_hits(fitted, result.one, harmonic_false_alarm) if search else None
+    if fewer is not None:
+        # Without a search: what no exponent of all fits would be a pair near an axis.
+        fitted = final(point.with_entries(fewer).settled(rest=AT_REST), search=False)
+        result = of_hits(replace(fitted, unlike=tuple(replace(each, torn=True) for each in fitted.unlike)))
     _check_order(result, order)
     found = result_of(
         result, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, ended=ended

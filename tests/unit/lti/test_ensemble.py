@@ -1,5 +1,7 @@
 """Many short responses: their poles from the step of the outputs, and none where any step would do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,3 +109,12 @@ def test_poles_that_any_matrix_gives_have_deviations():
     std = np.sqrt(np.diag(model.covariance))
     assert std.min() > 1e-4
     assert off < 8.0 * std.max()
+
+
+def test_a_multiplier_of_exactly_zero_is_no_mode():
+    """Its participation stayed without a pole: a record of four periods ended in a ValueError."""
+    data = decays(noise=1e-3)
+    state = Ensemble().prepare(data)
+    still = replace(state, loud=np.where(np.isin(np.arange(state.loud.shape[1]), state.first), state.loud, 0.0))
+    assert len(still.start(2).poles) == len(still.start(2).shares)
+    assert Ensemble().extract(still).order == 0

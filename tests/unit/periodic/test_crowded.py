@@ -170,8 +170,13 @@ def test_a_start_that_is_over_at_once_does_not_hold_the_other_modes():
     exponents = [-0.0592 + 0.9012j, -0.041 + 2.1985j, -13.0 / PERIOD + 0.9j]
     start = ModeParameters.made(exponents, [(-1, 1), (-1, 1), (-2, 2)], OMEGA)
     found = fit([replace(record, values=values)], [record.clock], start=start).model
-    assert found.order == 4
-    assert np.abs(pulls(found, model)).max() < 4.0
+    # Whether the first sample is a mode of its own, which is over within a third of a period, is left to rounding.
+    lasting = np.flatnonzero(found.exponents.real > -3.0 / PERIOD)
+    assert len(lasting) == 4
+    pairing = pair_exponents(found.exponents[lasting], model.exponents, PERIOD)
+    std = found.exponent_std[lasting][pairing.permutation]
+    assert (np.abs(pairing.differences.real) < 4.0 * std.real).all()
+    assert (np.abs(pairing.differences.imag) < 4.0 * std.imag).all()
 
 
 def test_errors_of_the_angle_raise_the_price_of_a_mode():

@@ -119,14 +119,37 @@ def test_weak_harmonics_that_two_modes_share_are_seen_by_all_hits_together():
     assert found.passed
 
 
-def test_a_real_multiplier_that_differs_between_hits_does_not_pass_as_two():
+def with_odd_hits(drawn, slower, steps):
+    """Records in which the exponents of some modes are `steps` away in each hit."""
+    each = [replace(drawn, exponents=drawn.exponents + step * np.array(slower)) for step in steps]
+    return [other.records(0)[hit] for hit, other in enumerate(each)]
+
+
+@pytest.mark.parametrize("steps", [(0.0, 0.03, 0.06, -0.03), (0.0, 0.0, 0.0, 0.04)])
+def test_a_real_multiplier_that_differs_between_hits_does_not_pass_as_two(steps):
     """They were -0.183 and -0.287, and passed: what no exponent of all hits fits became a pair near the axis."""
     drawn = Hits.drawn([-0.25, -0.3 + 2.0j], 4, 30, noise=0.01)
     generator = np.random.default_rng(0)
     states = generator.standard_normal((2, 4)) + 1j * generator.standard_normal((2, 4))
     drawn = replace(drawn, states=states / np.abs(states))
-    each = [replace(drawn, exponents=drawn.exponents + np.array([off, 0.0])) for off in (0.0, 0.03, 0.06, -0.03)]
-    assert not identify([other.records(0)[hit] for hit, other in enumerate(each)]).passed
+    assert not identify(with_odd_hits(drawn, [1.0, 0.0], steps)).passed
+
+
+@pytest.mark.parametrize("step", [0.03, 0.08])
+def test_one_hit_that_decays_slower_is_no_third_mode_of_one_multiplier(step):
+    """It passed with order 8: the slower decay had a shape that the two others of the multiplier make up."""
+    found = identify(with_odd_hits(of_equal(5), [1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, step]))
+    assert found.model.order < 8
+    assert not found.passed
+    assert "hits_unlike" in told(found)
+
+
+def test_a_hit_of_which_all_modes_decay_slower_doubles_none():
+    drawn = Hits.drawn([-0.2 + 2.1j, -0.35 + 4.6j], 3, 30, noise=0.01)
+    found = identify(with_odd_hits(drawn, [1.0, 1.0], [0.0, 0.0, 0.05]))
+    assert found.model.order == 4
+    assert not found.passed
+    assert told(found).count("hits_unlike") == 2
 
 
 def test_a_decay_of_few_periods_is_not_called_noise():

@@ -110,7 +110,7 @@ def test_modes_that_are_slower_than_the_first_ones_are_fitted_anew(monkeypatch):
     monkeypatch.setattr(_starts, "replace", lambda fitted, **_: fitted)
     found = SimpleNamespace(model=slow, forced=None, findings=())
     assert _starts.fitted_ringing(start, (), lambda *_: found) is found
-    assert kept == [900, 2400]
+    assert kept == [pytest.approx(900, abs=2), pytest.approx(2400, abs=2)]  # rounding may ask for one cycle more
 
 
 def test_the_summary_says_how_many_cycles_were_fitted(tmp_path):

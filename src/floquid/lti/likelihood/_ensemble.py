@@ -83,7 +83,7 @@ class States:
             squares = less
         multipliers, vectors = np.linalg.eig(np.linalg.solve(squares, x[:, later - 1] @ x[:, later].T).T)
         shares = np.linalg.solve(vectors, x[:, self.first])
-        upper = multipliers.imag >= 0
+        upper = (multipliers.imag >= 0) & (multipliers != 0)  # one of zero is over at once
         return Products.of(PoleSet.from_multipliers(multipliers[upper].astype(complex)), shares[upper].astype(complex))
 
 
@@ -140,7 +140,10 @@ class Ensemble(AbstractIdentifier):
         report(f"states of many short responses: rank {rank}")
         stacked, until = state.stacked, time.process_time() + self.seconds
         try:
-            fit = _straightened(polish_products(state.start(rank), stacked), stacked, until)
+            start = state.start(rank)
+            if not len(start.poles):
+                return _empty(data)
+            fit = _straightened(polish_products(start, stacked), stacked, until)
             if order is None:
                 fit = pruned(fit, stacked, lambda own: self._limits(own, stacked), least=1, until=until)
                 fit = self._halved(fit, stacked, until)

@@ -5,12 +5,13 @@ r"""The fit of one shape for all hits: the residues of a mode are its shape time
 All that is needed are the sums of the fit with residues free in each hit, at the same exponents: its cost is quadratic
 in the coefficients. Shapes are eliminated, exponents and states are parameters; of each mode the state in its
 strongest hit stays as it is. Columns that are fixed, as a forced response, are free in each hit and eliminated first.
+The exponent of an entry may differ between hits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +45,7 @@ class OneShape:
     linear: tuple[Linear, ...]  # The fit with residues free in each hit at these exponents, a block each
     states: Complexes  # The state of each entry in each hit, of growing modes at its end; zero stays (entries, hits)
     held: Integers  # The hit in which the state of each entry stays (entries,)
+    apart: Mapping[int, Complexes] = field(default_factory=dict)  # Of entries with an exponent for each hit (hits,)
 
     @staticmethod
     def at(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[Linear]) -> OneShape:
@@ -74,7 +76,7 @@ class OneShape:
     def period_step(self) -> tuple[float, float] | None:
         """(own period - T)/T by one step with the fundamental as a parameter, and its deviation; None if untold."""
         entries = replace(self.entries, free_period=True)
-        wider = OneShape(self.blocks, entries, self.linear, self.states, self.held)
+        wider = replace(self, entries=entries)
         covariance, last, omega = wider.normal_inverse, wider.n_rates - 1, entries.fundamental
         if not 0.0 < covariance[last, last] < omega**2:
             return None
@@ -183,6 +185,10 @@ class OneShape:
         parameters = self.entries.parameters()
         n, hits = len(self.entries.sines()), self.states.shape[1]
         rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, :n]
+        columns = self.entries.columns().modes
+        alone = [np.where(columns == entry, 1j if turns else 1.0, 0.0) for entry, _, turns in self._alone]
+        rate = np.concatenate([rate, np.reshape(alone, (-1, n))])
+        hit = np.concatenate([np.full(len(parameters.turns), -1), [at for _, at, _ in self._alone]])
         count, size = len(rate), self.states.size
         matrix = np.zeros((count + 2 * size,) * 2)
         gradient = np.zeros(count + 2 * size)
@@ -196,7 +202,7 @@ class OneShape:
             place = np.concatenate(
                 [np.arange(count), *(count + part * size + entry * hits + block.hit for part in (0, 1))]
             )
-            moved = rate[:, :, None] * values
+            moved = np.where((hit == -1) | (hit == block.hit), rate.T, 0.0).T[:, :, None] * values
             by_rate = np.concatenate([moved.real, moved.imag], axis=1)  # (parameters, 2 all, rows)
             shape = member[:, :, None] * self.complex_shapes[:, block.rows]
             by_state = np.concatenate(
@@ -252,7 +258,7 @@ class OneShape:
             return Normal(matrix=whole.matrix[rates:, rates:], gradient=whole.gradient[rates:])
 
         def moved(at: OneShape, step: Floats) -> OneShape:
-            return OneShape(at.blocks, at.entries, at.linear, at._stepped(step), at.held)
+            return replace(at, states=at._stepped(step))
 
         return levenberg_marquardt(self, Steps(normal=normal, moved=moved), Ends(steps=steps, gain=1.0))
 
@@ -265,12 +271,47 @@ class OneShape:
     def moved(self, step: Floats) -> OneShape | None:
         """After a step in the parameters; None where a mode would be another one."""
         entries = self.entries.moved(step[: self.n_rates])
-        states = self._stepped(step[self.n_rates :])
+        states, apart = self._stepped(step[self.n_rates :]), {entry: of.copy() for entry, of in self.apart.items()}
+        for (entry, hit, turns), by in zip(
+            self._alone, step[self.n_rates - len(self._alone) : self.n_rates], strict=True
+        ):
+            apart[entry][hit] += 1j * by if turns else by
+        after = replace(self, entries=entries, states=states, apart=apart)
         for block in self.blocks:
-            growth = np.exp((_growing(entries) - _growing(self.entries)) * block.last)
+            growth = np.exp((_growing(after.of_hit(block.hit)) - _growing(self.of_hit(block.hit))) * block.last)
             states[:, block.hit] *= growth if block is self._first(block.hit) else 1.0
-        start = tuple(own.coefficients for own in self.linear)
-        return OneShape(self.blocks, entries, tuple(eliminated(self.blocks, entries, start)), states, self.held)
+        return after.at_exponents(tuple(own.coefficients for own in self.linear))
+
+    def of_hit(self, hit: int) -> ModeParameters:
+        """The modes at the exponents that they have in a `hit`."""
+        exponents = self.entries.exponents.copy()
+        for entry, steps in self.apart.items():
+            exponents[entry] += steps[hit]
+        return replace(self.entries, exponents=exponents)
+
+    def at_exponents(self, start: tuple[Floats, ...] | None = None) -> OneShape:
+        """The fit with the sums of its samples at its exponents, `start` being first values of coefficients."""
+        first = start or (None,) * len(self.blocks)
+        each = zip(self.blocks, first, strict=True)
+        linear = [
+            eliminated([block], self.of_hit(block.hit), None if own is None else (own,))[0] for block, own in each
+        ]
+        return replace(self, linear=tuple(linear))
+
+    def with_exponents_of_hits(self, entry: int, steps: Complexes) -> OneShape:
+        """The fit in which an entry has an exponent for each hit, first ones by `steps` from that of all (hits,)."""
+        return replace(self, apart={entry: steps}).at_exponents().with_states()
+
+    @cached_property
+    def _alone(self) -> list[tuple[int, int, bool]]:
+        """Parameters of exponents in one hit alone, beside the one whose state stays: entry, hit, and what it is."""
+        return [
+            (entry, hit, turns)
+            for entry in self.apart
+            for hit in np.flatnonzero(self.states[entry] != 0.0).tolist()
+            if hit != self.held[entry]
+            for turns in ((False,) if self.entries.real[entry] else (False, True))
+        ]
 
     def _first(self, hit: int) -> Block:
         return next(block for block in self.blocks if block.hit == hit)
@@ -322,7 +363,7 @@ class OneShape:
         for block, squares, used, low in zip(self.blocks, self.left, self.used, least, strict=True):
             noise = np.sqrt(np.maximum(squares, 0.0) / np.maximum(block.n_samples - used, 1.0))
             blocks.append(block.with_noise(np.maximum(noise, low)))
-        return OneShape(tuple(blocks), self.entries, self.linear, self.states, self.held)
+        return replace(self, blocks=tuple(blocks))
 
     def as_solution(self) -> Solution:
         """The linearisation with residues free in each hit, with the coefficients of this fit."""
@@ -336,8 +377,7 @@ class OneShape:
     def with_bands(self, bands: Integers) -> OneShape:
         """Exponents and states with other bands of harmonics."""
         entries = replace(self.entries, bands=bands)
-        linear = tuple(eliminated(self.blocks, entries))
-        return OneShape(self.blocks, entries, linear, self.states, self.held)
+        return replace(self, entries=entries).at_exponents()
 
     @property
     def n_numbers(self) -> int:

@@ -50,8 +50,8 @@ def nearest(entries: ModeParameters, first: int, second: int) -> tuple[int, int,
     return sign, turns, abs(gap) / (abs(entries.exponents[[first, second]].real).sum() + 1e-300)
 
 
-def folds(entries: ModeParameters, *, wanders: bool = False) -> list[Fold]:
-    """Pairs of modes that fold onto one another within half of their mean decay."""
+def folds(entries: ModeParameters, *, wanders: bool = False, share: float = NEAR) -> list[Fold]:
+    """Pairs of modes that fold onto one another within a share of their mean decay."""
     places = np.flatnonzero(~entries.fixed & ~entries.real & (entries.factors == PLAIN))
     values, omega = entries.exponents[places], entries.fundamental
     decays = np.abs(values.real)
@@ -59,7 +59,7 @@ def folds(entries: ModeParameters, *, wanders: bool = False) -> list[Fold]:
     for sign, others in ((1, values), (-1, values.conj())):
         gaps = others[None, :] - values[:, None]
         turns = np.rint(gaps.imag / omega)
-        near = 2.0 * np.abs(gaps - 1j * omega * turns) <= NEAR * (decays[:, None] + decays)
+        near = 2.0 * np.abs(gaps - 1j * omega * turns) <= share * (decays[:, None] + decays)
         if wanders:
             near &= (turns == 0.0) & (sign > 0)
         found += [

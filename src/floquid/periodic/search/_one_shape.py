@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.errors import IdentificationError
-from floquid.fit import AT_REST, FARTHEST, FEW_STEPS, QUIET, REST, ROUNDS, SLOW, chi2_limit, is_vague
+from floquid.fit import FARTHEST, FEW_STEPS, QUIET, REST, ROUNDS, SLOW, chi2_limit, is_vague
 from floquid.periodic.least_squares import (
+    PLAIN,
     Block,
     ModeParameters,
     OneShape,
@@ -24,9 +26,9 @@ from floquid.periodic.least_squares import (
     real_parts,
     residuals_of,
 )
-from floquid.periodic.search._folds import folds, with_all_lines
+from floquid.periodic.search._folds import difference, folds, with_all_lines
 from floquid.periodic.search._moves import without
-from floquid.periodic.search._objective import Disagreement, Point, SearchResult
+from floquid.periodic.search._objective import Disagreement, SearchResult
 from floquid.periodic.search._peaks import strongest
 from floquid.search import GAP, LOOSE
 
@@ -102,10 +104,10 @@ def _parted(several: OneShape, first: int, second: int) -> OneShape:
     states, held, like = several.states.copy(), several.held.copy(), off[ends[0]] <= off[ends[1]]
     for entry, end, hits in zip((first, second), ends, (like, ~like), strict=True):
         states[entry], held[entry] = np.where(hits, products[end] / squares[end], 0.0), end
-    return OneShape(several.blocks, several.entries, several.linear, states, held).with_states()
+    return replace(several, states=states, held=held).with_states()
 
 
-def difference(start: OneShape, entry: int) -> float:
+def unshared(start: OneShape, entry: int) -> float:
     """Difference of the free residues of an entry from one shape, over its response, in amplitude."""
     off = size = 0.0
     rows = np.flatnonzero(np.tile(start.modes == entry, 2))
@@ -138,7 +140,8 @@ def _repeated(start: OneShape, places: list[int]) -> OneShape:
         states[copies[: len(each)]], held[copies[: len(each)]] = each, np.argmax(np.abs(each), axis=1)
     states = states / states[np.arange(len(held)), held][:, None]
     entries = start.entries.picked(places)
-    return OneShape(start.blocks, entries, tuple(eliminated(start.blocks, entries)), states, held)
+    apart = {place: start.apart[entry] for place, entry in enumerate(places) if entry in start.apart}
+    return replace(start, entries=entries, states=states, held=held, apart=apart).at_exponents()
 
 
 def _residues(start: OneShape, entry: int) -> Complexes:
@@ -199,7 +202,7 @@ def _with_several_shapes(
     def agrees(trial: OneShape) -> bool:
         return agreement(trial, result) > false_alarm
 
-    shares = [0.0 if fixed else difference(start, entry) for entry, fixed in enumerate(free.fixed)]
+    shares = [0.0 if fixed else unshared(start, entry) for entry, fixed in enumerate(free.fixed)]
     places, several, groups = [*range(len(shares)), int(np.argmax(shares))], None, ()
     with suppress(IdentificationError, np.linalg.LinAlgError):  # that the hits disagree is known without
         places, several = several_shapes(start, agrees)
@@ -309,37 +312,65 @@ def narrowed(shared: OneShape, alarm: float) -> Integers:
         bands[entry, side] += 1 if side == 0 else -1
 
 
-def as_one_of_hits(point: Point, false_alarm: float) -> tuple[Point, bool]:
-    """The fit with one mode in place of two near ones where one shape with an exponent for each hit has a lower J.
+def as_one_of_hits(result: SearchResult, other: OneShape | None, false_alarm: float) -> ModeParameters | None:
+    """The modes with one in place of two near ones where hits share its shape, and each has an exponent of its own.
 
-    And whether there is one. Free residues let each of two modes ring in the hits that decay like it. Modes that have
-    a shape each stay.
+    None where no two are so, or where the `other` fit, of exponents that all hits share, needs no more modes. Free
+    residues let each of two modes ring in the hits that decay like it. Modes that have a shape each stay.
     """
-    hits = {block.hit for block in point.blocks}
-    for fold in folds(point.entries, wanders=point.wanders) if len(hits) > 1 else ():
-        entries = without(with_all_lines(point.entries, fold), [fold.second])
-        entry = fold.first - (fold.second < fold.first)
-        value = np.inf
-        with suppress(IdentificationError, np.linalg.LinAlgError):  # a hit too brief for a fit of its own says nothing
-            value = _of_each_hit(point, entries, entry, false_alarm)
-        if value < point.value:
-            return as_one_of_hits(point.with_entries(entries).settled(rest=AT_REST), false_alarm)[0], True
-    return point, False
+    if len({block.hit for block in result.blocks}) < 2:
+        return None
+    entries = result.solution.entries
+    gone: list[int] = []
+    for first, second, join, steps in _couples(result):
+        if {first, second} & set(gone):
+            continue
+        with suppress(IdentificationError, np.linalg.LinAlgError):
+            # Beside all others as they are: where the hits differ in these, too, they are two modes for one so far.
+            fewer = without(join(result.solution.entries), [second])
+            start = OneShape.at(result.blocks, fewer, eliminated(result.blocks, fewer))
+            if _explained(start.with_exponents_of_hits(first - (second < first), steps), result, other, false_alarm):
+                gone, entries = [*gone, second], join(entries)
+    return without(entries, gone) if gone else None
 
 
-def _of_each_hit(point: Point, entries: ModeParameters, entry: int, false_alarm: float) -> float:
-    """J with exponents for each hit; infinite where the hits do not share the shape of one entry."""
-    # All are free: those of the others were bent where one mode was fitted as two.
-    hits = sorted({block.hit for block in point.blocks})
-    parts = [point.of_hit(hit, entries).settled(rest=AT_REST) for hit in hits]
-    more = chi2_limit((len(hits) - 1) * len(entries.ties()), point.price.mode_alarm)
-    value = sum(part.misfit for part in parts) + point.price.of(entries) + more
-    if value >= point.value:
-        return np.inf
-    fixed = np.arange(len(entries.exponents)) != entry
-    blocks = [block for part in parts for block in part.blocks]
-    linear = [each for part in parts for each in part.solution.linear]
-    shared = OneShape.at(blocks, replace(entries, fixed=fixed), linear)
-    rise, degrees = shared.cost - sum(part.solution.cost for part in parts), degrees_of(shared, shared.entries)
-    # A shape of one number is that of any mode.
-    return value if degrees > 0 and chance(rise, degrees) > false_alarm else np.inf
+def _couples(
+    result: SearchResult,
+) -> Iterator[tuple[int, int, Callable[[ModeParameters], ModeParameters], Complexes]]:
+    """Two entries that are near, how the first stands for both, and first steps to its exponents in hits (hits,)."""
+    free, energy = result.solution.entries, _energies(result)
+    for fold in folds(free, wanders=any(block.wanders for block in result.blocks), share=1.0):
+        gap = difference(free, fold.first, fold.second, fold.sign)[1]
+        shares = energy[fold.second] / np.maximum(energy[[fold.first, fold.second]].sum(axis=0), np.finfo(float).tiny)
+        yield fold.first, fold.second, partial(with_all_lines, fold=fold), gap * shares
+    for even in np.flatnonzero(free.even).tolist():
+        yield even, even + 1, partial(_as_plain, even=even), np.zeros(energy.shape[1], complex)
+
+
+def _as_plain(entries: ModeParameters, even: int) -> ModeParameters:
+    """The entries with a real multiplier for the even one of a pair near an axis."""
+    of_pair = np.isin(np.arange(len(entries.exponents)), (even, even + 1))
+    squares = np.where(of_pair, 0.0, entries.all_squares)
+    return replace(entries, factors=np.where(of_pair, PLAIN, entries.factors), squares=squares)
+
+
+def _energies(result: SearchResult) -> Floats:
+    """The energy of each entry in each hit over the noise (entries, hits)."""
+    columns = np.tile(result.solution.entries.columns().modes, 2)
+    energy = np.zeros((len(result.solution.entries.exponents), 1 + max(block.hit for block in result.blocks)))
+    for block, linear in zip(result.blocks, result.solution.linear, strict=True):
+        squares = np.diag(linear.gram) * np.sum((linear.coefficients / block.noise) ** 2, axis=1)
+        np.add.at(energy[:, block.hit], columns, squares)
+    return energy
+
+
+def _explained(start: OneShape, result: SearchResult, other: OneShape | None, false_alarm: float) -> bool:
+    """True where fewer modes than the `other` fit has, with shapes that the hits share, explain the samples."""
+    most = len((result.solution if other is None else other).entries.exponents)
+
+    def agrees(trial: OneShape) -> bool:
+        # A shape of one number is that of any mode.
+        fewer = len(trial.entries.exponents) < most and degrees_of(trial, result.solution.entries) > 0
+        return fewer and agreement(trial, result) > false_alarm
+
+    return agrees(start.solved()) or several_shapes(start, agrees)[1] is not None
