@@ -206,6 +206,8 @@ OPTIONS = [
     ("unknown channel", nothing, f"{GOOD} --channels X,Q", 2, r"`--channels` .*'Q'\.\n.*X, Y, X_tt, Y_tt"),
     ("channel chosen twice", nothing, f"{GOOD} --channels X,X", 2, r"`--channels` .*'X' twice"),
     ("no input at all", nothing, f"{GOOD} --inputs ''", 2, r"`--inputs` must name a channel, but is ''"),
+    ("no channel at all", nothing, f"{GOOD} --channels ''", 2, r"`--channels` must name a channel, but is ''"),
+    ("no state at all", nothing, f"{GOOD} --states ''", 2, r"`--states` must name a channel, but is ''"),
     ("unknown state", nothing, f"{GOOD} --states X,Q", 2, r"`--states` .*'Q'\.\n.*X, Y, X_tt, Y_tt"),
     ("state that is not among the channels", nothing, f"{GOOD} --channels X,Y --states X,X_tt", 2, r"'X_tt'"),
     ("order 0", nothing, f"{GOOD} --order 0", 2, r"`--order` must be an integer of at least 1"),

@@ -140,7 +140,7 @@ def given(options: object, of: str) -> dict[str, Any]:
     for name in ("channels", "names", "inputs", "states"):
         if said.get(name) is not None:
             said[name] = split(text := said[name])
-            if name == "inputs" and not said[name]:  # an empty variable of a shell would make a free response of it
+            if not said[name]:  # an empty variable of a shell would have the record identified as another one
                 raise wrong_value(f"--{name}", of, "name a channel", text, "Name one, or leave it out.")
     return {name: value for name, value in said.items() if value is not None}
 
