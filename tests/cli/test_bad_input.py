@@ -206,6 +206,7 @@ OPTIONS = [
     ("unknown channel", nothing, f"{GOOD} --channels X,Q", 2, r"`--channels` .*'Q'\.\n.*X, Y, X_tt, Y_tt"),
     ("channel chosen twice", nothing, f"{GOOD} --channels X,X", 2, r"`--channels` .*'X' twice"),
     ("no input at all", nothing, f"{GOOD} --inputs ''", 2, r"`--inputs` must name a channel, but is ''"),
+    ("a sum of what is no channel", nothing, f"{GOOD} --states X,0.5*Q+Y", 2, r"`--states` .*'0\.5\*Q\+Y'"),
     ("no channel at all", nothing, f"{GOOD} --channels ''", 2, r"`--channels` must name a channel, but is ''"),
     ("no state at all", nothing, f"{GOOD} --states ''", 2, r"`--states` must name a channel, but is ''"),
     ("unknown state", nothing, f"{GOOD} --states X,Q", 2, r"`--states` .*'Q'\.\n.*X, Y, X_tt, Y_tt"),
