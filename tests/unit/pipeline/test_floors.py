@@ -1,4 +1,4 @@
-"""Errors that are larger where the response is: a record is believed down to a share of its largest value."""
+"""Good decays that were refused for their noise: larger where the response is, or all there is in a channel."""
 
 import numpy as np
 import pytest
@@ -42,3 +42,21 @@ def test_errors_in_proportion_to_the_response_are_no_modes(share):
     found = identify(Record(values=values, sample_rate=RATE, channels=["x", "y", "z"], clock=clock))
     assert right(found)
     assert any("below 0.01 of the largest value" in words for words in found.warnings)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_channel_of_noise_makes_no_decay_random(seed):
+    """Five modes lose 0.5 to 3.6 % a period: a fourth channel of noise alone lasts as long as the record."""
+    generator = np.random.default_rng(100 + seed)
+    times = np.arange(110 * RATE) / RATE
+    turns = np.array([0.11, 0.19, 0.27, 0.36, 0.44]) + generator.uniform(-0.02, 0.02, 5) + generator.integers(0, 3, 5)
+    exponents = np.log1p(-np.linspace(0.005, 0.036, 5)) + 2j * np.pi * turns
+    shapes = (generator.standard_normal((5, 3, 3)) + 1j * generator.standard_normal((5, 3, 3))) * [0.3, 1.0, 0.3]
+    beside = np.exp(2j * np.pi * np.outer(np.arange(-1, 2), times))
+    values = 2 * np.einsum("rcm,mt,rt->ct", shapes, beside, np.exp(np.outer(exponents, times))).real
+    values += 0.066 * np.abs(values).max(axis=1, keepdims=True) * generator.standard_normal(values.shape)
+    values = np.concatenate([values, generator.standard_normal((1, len(times)))])
+    clock = ConstantPeriod(period=1.0)
+    found = identify(Record(values=values, sample_rate=RATE, channels=["x", "y", "z", "dead"], clock=clock))
+    assert found.passed
+    assert found.model.order == 10
