@@ -321,8 +321,9 @@ MODEL: dict[str, str | Callable[..., str]] = {
         "left out."
     ),
     "left_out": "{samples} of these samples of channel {channel} count as missing (`repair=False` keeps them).",
-    "believed_down_to": "There is hardly any noise, and the residual is no noise: most likely a nonlinearity. The fit "
-    "ignores what is below {floor:g} of the largest value of each channel (`noise_floor=`).",
+    "believed_down_to": "The residual is no noise of one level: most likely a nonlinearity, or errors in proportion to "
+    "the response, as of rounding to some digits. The fit ignores what is below {floor:g} of the largest value of each "
+    "channel (`noise_floor=`), modes as weak as that, too.",
     "rings": "The modes ring in the first {cycles} of {of} periods: these were fitted and checked. The later ones tell "
     "the noise alone.",
     "as_sampled": lambda why: f"Fitted at the original sampling times: {WHY[why]}.",

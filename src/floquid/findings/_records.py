@@ -107,6 +107,9 @@ SHAFT: dict[str, str | Callable[..., str]] = {
     "within a revolution.",
     "angle_alike": "The residual of the angle is correlated ({correlation:.2g}) from pulse to pulse, so its deviations "
     "are too small. The speed changes faster than the curve can follow, or the sensor's error depends on the angle.",
+    "angle_known": "The angle of the shaft is known to ±{degrees:.2g}°. That error makes {percent:.2g} % of what turns "
+    "once with the shaft: where this is above the noise, it hides modes, or makes some. Sample the pulses faster, "
+    "widen them, or use more of them a revolution.",
     "beyond_angle": _beyond,
 }
 """By code."""

@@ -93,9 +93,17 @@ def identify(
             records, chosen = without(error.channel, records, chosen)
             left_out.append(error.finding)
         except IdentificationError as error:
-            raise IdentificationError("\n  ".join([str(error), *texts((*left_out, *prepared.faults))])) from None
+            said = texts((*left_out, *prepared.faults, *_angle_known(prepared)))
+            raise IdentificationError("\n  ".join([str(error), *said])) from None
         else:
             return replace(found, findings=(*left_out, *prepared.faults, *found.findings))
+
+
+def _angle_known(prepared: Prepared) -> tuple[Finding, ...]:
+    """The note how well pulses that are known to a sample only tell the angle of a shaft, in the worst record."""
+    pairs = zip(prepared.shafts, prepared.responses, strict=False)
+    worst = max((shaft.angle_spread(record.times) for shaft, record in pairs if shaft.rounded), default=0.0)
+    return (note("angle_known", degrees=np.degrees(worst), percent=100.0 * worst),) if worst else ()
 
 
 def _reported(found: Analysis) -> Analysis:

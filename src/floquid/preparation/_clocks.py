@@ -132,13 +132,15 @@ def steadied(records: Sequence[Record], shafts: Sequence[ShaftAngle]) -> Record 
 
 def check_states(channels: Sequence[Channel], settings: Settings) -> None:
     """Refuse states that are not in the records, and a structure that cannot be one of them, before any long work."""
-    from floquid.reconstruction import AbstractStructure, displacement_rows, structure_of
+    from floquid.reconstruction import AbstractStructure, as_they_are, displacements, structure_of
 
     names = states_of(channels, settings)
     if isinstance(names, str):
         return
     if settings.form == "second-order":
-        displacement_rows(channels, names, of=OF)
+        displacements(channels, names, of=OF)
+    elif settings.form == "first-order":
+        as_they_are(channels, names, of=OF)
     else:
         channels_named(channels, names, argument="states", of=OF)
     structure = structure_of(settings.structure) if settings.structure else None

@@ -108,8 +108,9 @@ def _spread(power: Floats) -> float:
 
 
 def is_random(record: Record, period: float | None) -> bool:
-    """True where the response of every channel lasts, in broad peaks; harmonics of a known period are left out."""
-    rows = [row for row, channel in enumerate(record.channels) if channel.quantity not in NO_RESPONSE]
+    """True where the response lasts, in broad peaks; harmonics of a known period and channels of noise are left out."""
+    pairs = enumerate(zip(record.channels, record.values, strict=True))
+    rows = [row for row, (channel, own) in pairs if channel.quantity not in NO_RESPONSE and not is_white(own)]
     samples = record.n_samples
     turn, window = samples if period is None else samples / (period * record.sample_rate), np.hanning(samples)
     beside = np.zeros(samples // 2 + 1, bool)

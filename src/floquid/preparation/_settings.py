@@ -73,7 +73,7 @@ class Settings(Brief):
         Keep the harmonics from minus to plus this of each mode; those above the noise if not given.
     states
         Channels that are the displacement states of A(t), as `reconstruct` takes them; no A(t) if not given. "x+vx" for
-        several channels of one motion, ("all",) for sums of all channels.
+        several channels of one motion, "0.5*x+y" for a sum with constant weights, ("all",) for sums of all channels.
     form
         The states that A(t) is in: second-order, first-order or delayed. "second-order": displacements and their
         velocities. "first-order": as many channels as modes, as they are. "delayed": channels and the same channels

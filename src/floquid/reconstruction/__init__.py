@@ -7,7 +7,7 @@ structure to all that the record says.
 from floquid.core import MOST_TIMES, Form
 from floquid.reconstruction._reconstruct import Refinement, StateModel, choices, reconstruct
 from floquid.reconstruction._refine import refine
-from floquid.reconstruction._states import Names, displacement_rows
+from floquid.reconstruction._states import Names, as_they_are, displacements
 from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrder, SecondOrder, structure_of, text_of
 
 __all__ = [

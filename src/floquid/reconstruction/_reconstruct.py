@@ -189,9 +189,10 @@ def reconstruct(
     states
         In second-order form the channels taken as displacements (E in eq. 13), half as many as there are modes; w is 1
         and s, over s for a velocity channel and over s² for an acceleration channel. Several channels of one motion,
-        ["x", "vx", "ax"] or "x+vx+ax", are averaged at each rate by their noise, each used in its own right. "all"
-        takes all channels: each state is the sum of them that is least noisy. In first-order form as many channels as
-        there are modes; delayed, at least one.
+        ["x", "vx", "ax"] or "x+vx+ax", are averaged at each rate by their noise. With weights, "0.5*x+y", it
+        is a sum: a row of any constant E of full rank. "all" takes all channels: each state is the sum of them that is
+        least noisy. In first-order form as many channels as there are modes, or such sums; delayed,
+        at least one.
     form
         "second-order": displacements, then their velocities. "first-order": the channels as they are. "delayed": the
         channels and the same channels later, where they are too few to span the states (section 2.3): the exponents are

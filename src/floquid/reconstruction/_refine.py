@@ -155,8 +155,7 @@ class _Fit:
         free = shapes_of(model, coordinates)
         seen, gains = [], {}
         if coordinates.mixing is None:
-            for place, state in enumerate(coordinates.states[:count]):
-                seen += [Seen(part.channel, 1.0 / part.gain, -part.power, -part.delay, place) for part in state.parts]
+            seen = _seen(coordinates.states[:count])
         else:
             coordinates, seen, gains = _all_channels(model, coordinates)
         times = np.arange(64) * model.period / 64
@@ -208,6 +207,25 @@ class _Fit:
             whole[self.model.harmonics + width] = shape
             shapes.append(whole / np.linalg.norm(whole))
         return problem_of(self.estimates, self.seen, basis, shapes, tuple(self.gains))
+
+
+def _seen(states: Sequence[State]) -> list[Seen]:
+    """The displacements in each channel: one in a view of it, in channels of sums by the inverse of the weights."""
+    parts = {part.channel: part for state in states for part in state.parts}
+    if all(state.noise or len(state.parts) == 1 for state in states):
+        pairs = [(place, part) for place, state in enumerate(states) for part in state.parts]
+        return [Seen(part.channel, 1.0 / part.gain, -part.power, -part.delay, place) for place, part in pairs]
+    if len(parts) != len(states):
+        got = f"{len(states)} are sums of {len(parts)} channels"
+        raise input_error("states", OF, "be sums of as many channels", got, "Leave the structure out.")
+    weights = [[sum(part.gain for part in state.parts if part.channel == row) for row in parts] for state in states]
+    inverse = np.linalg.inv(np.array(weights))
+    return [
+        Seen(row, float(gain), -part.power, -part.delay, place)
+        for (row, part), gains in zip(parts.items(), inverse, strict=True)
+        for place, gain in enumerate(gains)
+        if gain
+    ]
 
 
 def _all_channels(model: PeriodicModel, coordinates: Coordinates) -> tuple[Coordinates, list[Seen], dict[int, float]]:

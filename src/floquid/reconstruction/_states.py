@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,21 +34,19 @@ def second_order(model: PeriodicModel, states: Names) -> Coordinates:
         raise input_error("model", OF, must, f"has {model.order}", remedy)
     if states == ALL and ALL not in {channel.name for channel in model.channels}:
         return combined(model, model.order // 2)
-    groups = displacement_rows(model.channels, states)
+    named = displacements(model.channels, states)
     needed = model.order // 2
-    if len(groups) != needed:
-        got = f"names {len(groups)}"
+    if len(named) != needed:
+        got = f"names {len(named)}"
         raise _wrong_number(model, needed, got, "half of them velocities", f"name {needed} channels")
     noise = channel_noise(model)
-    displacements = []
-    for group in groups:
-        parts = tuple(Part(row, 1.0, -derivative_of(model.channels[row])) for row in group)
-        name = model.channels[group[0]].name
-        displacements.append(State(name, parts, tuple(float(noise[row]) for row in group)))
-    refuse_rest(model, displacements)
-    names = ", ".join("+".join(model.channels[row].name for row in group) for group in groups)
+    made = [replace(own, noise=tuple(float(noise[part.channel]) for part in own.parts if own.noise)) for own in named]
+    refuse_rest(model, made)
+    names = ", ".join(
+        "+".join(model.channels[part.channel].name for part in own.parts) if own.noise else own.name for own in named
+    )
     return Coordinates(
-        (*displacements, *(state.derivative() for state in displacements)),
+        (*made, *(state.derivative() for state in made)),
         len(model.channels),
         "second-order",
         f"second-order form from {names}",
@@ -56,37 +56,84 @@ def second_order(model: PeriodicModel, states: Names) -> Coordinates:
 def first_order(model: PeriodicModel, states: Names) -> Coordinates:
     """The channels as they are, as many as there are modes."""
     names = [channel.name for channel in model.channels] if states == ALL else states
-    rows = channels_named(model.channels, names, argument="states", of=OF)  # type: ignore[arg-type]
-    if len(rows) != model.order:
-        got = f"names {len(rows)}"
+    made = as_they_are(model.channels, names)
+    if len(made) != model.order:
+        got = f"names {len(made)}"
         raise _wrong_number(model, model.order, got, "each a channel", f"name {model.order} channels")
-    made = tuple(State(model.channels[row].name, (Part(row),)) for row in rows)
-    return Coordinates(
-        made, len(model.channels), "first-order", f"first-order form from {', '.join(s.name for s in made)}"
-    )
+    words = f"first-order form from {', '.join(state.name for state in made)}"
+    return Coordinates(tuple(made), len(model.channels), "first-order", words)
 
 
-def displacement_rows(channels: Sequence[Channel], states: Names, *, of: str = OF) -> list[list[int]]:
-    """The rows of the channels of each displacement: one name, several joined by +, or a list of names."""
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+
+
+def displacements(channels: Sequence[Channel], states: Names, *, of: str = OF) -> list[State]:
+    """The displacements: one channel, views of it joined by + (or a list of names), or a sum such as 0.5*X+Y."""
     listing = "The channels are: " + ", ".join(channel.name for channel in channels) + "."
     if isinstance(states, str):
         raise wrong_value("states", of, "be a list of channel names", states, listing)
-    known = {channel.name for channel in channels}
-    groups: list[list[str]] = []
+    place = {channel.name: row for row, channel in enumerate(channels)}
+    found: list[State] = []
+    views: list[str] = []
     for entry in states:
+        if isinstance(entry, str) and entry not in place and "*" in entry:
+            found.append(_sum_of(entry, channels, of))
+            continue
         if isinstance(entry, str):
-            groups.append([entry] if entry in known else [name.strip() for name in entry.split("+")])
+            group = [entry] if entry in place else [name.strip() for name in entry.split("+")]
         elif isinstance(entry, (list, tuple)):
-            groups.append(list(entry))
+            group = list(entry)
         else:
             raise wrong_value("states", of, "be a list of channel names", states, listing)
-    channels_named(channels, [name for group in groups for name in group], argument="states", of=of)
+        views += group
+        channels_named(channels, views, argument="states", of=of)
+        found.append(State(group[0], tuple(Part(place[name]) for name in group), (1.0,) * len(group)))
+    _refuse_dependent(found, len(channels), of)
+    return [replace(own, parts=tuple(_of_motion(part, channels, of) for part in own.parts)) for own in found]
+
+
+def as_they_are(channels: Sequence[Channel], states: Names, *, of: str = OF) -> list[State]:
+    """The states of first order: channels, and sums of them such as 0.5*X+Y."""
+    known = {channel.name for channel in channels}
+    sums = {
+        own: _sum_of(own, channels, of) for own in states if isinstance(own, str) and own not in known and "*" in own
+    }
+    plain = [own for own in states if own not in sums] if sums else states
+    rows = iter(channels_named(channels, plain, argument="states", of=of))  # type: ignore[arg-type]
+    made = [sums[own] if own in sums else State(own, (Part(next(rows)),)) for own in states]  # type: ignore[index, arg-type]
+    _refuse_dependent(made, len(channels), of)
+    return made
+
+
+def _sum_of(entry: str, channels: Sequence[Channel], of: str) -> State:
+    """The state of a sum of channels with constant weights."""
+    names = sorted((channel.name for channel in channels), key=len, reverse=True)
+    term = rf"\s*([+-]?)\s*(?:({NUMBER})\s*\*\s*)?({'|'.join(map(re.escape, names))})\s*"
+    if not re.fullmatch(f"(?:{term})+", entry):
+        listing = f"The channels are: {', '.join(channel.name for channel in channels)}."
+        raise input_error("states", of, "be channels, or sums of them as 0.5*X+Y", f"has {entry!r}", listing)
     place = {channel.name: row for row, channel in enumerate(channels)}
-    rows = [[place[name] for name in group] for group in groups]
-    for group in rows:
-        for row in group:
-            derivative_of(channels[row], of)
-    return rows
+    parts = tuple(
+        Part(place[name], (-1.0 if sign == "-" else 1.0) * float(gain or 1.0))
+        for sign, gain, name in re.findall(term, entry)
+    )
+    return State(entry.replace(" ", ""), parts)
+
+
+def _refuse_dependent(states: Sequence[State], count: int, of: str) -> None:
+    """Refuse sums that are sums of one another."""
+    weights = np.zeros((len(states), count))
+    for own, state in zip(weights, states, strict=True):
+        for part in state.parts[:1] if state.noise else state.parts:
+            own[part.channel] += part.gain
+    rank = int(np.linalg.matrix_rank(weights))
+    if rank < len(states):
+        got = f"only {rank} of the {len(states)} are"
+        raise input_error("states", of, "be independent combinations of channels", got, "Change their weights.")
+
+
+def _of_motion(part: Part, channels: Sequence[Channel], of: str) -> Part:
+    return replace(part, power=-derivative_of(channels[part.channel], of))
 
 
 def _wrong_number(model: PeriodicModel, needed: int, got: str, what: str, must: str) -> Exception:

@@ -26,6 +26,7 @@ from floquid.io import (
     DamagedError,
     as_path,
     atomic_path,
+    is_result,
     readable_file,
 )
 from floquid.large import LARGE_VERSION, LargeResult, opened
@@ -72,8 +73,8 @@ def save(analysis: Result, path: str | PathLike[str]) -> None:
     the same bytes.
 
     `analysis` is what `identify`, `measure_transfer`, `fit_transfer`, `survey`, `compare`, `update` or `monitor`
-    found; the file `path`, by custom `result.h5`, may exist. Raises InputError where `analysis` is something else, the
-    name ends otherwise, or the file cannot be written there.
+    found; the file `path`, by custom `result.h5`, may be a result. Raises InputError where `analysis` is something
+    else, the name ends otherwise, the file is none that `save` wrote, or cannot be written there.
     """
     if not isinstance(analysis, Result):
         raise wrong_value("analysis", "save", "be an Analysis", analysis, "Pass what `identify` gave.")
@@ -81,6 +82,8 @@ def save(analysis: Result, path: str | PathLike[str]) -> None:
     if place.suffix.lower() not in RESULT_ENDINGS and not place.is_dir():
         remedy = "A result is an HDF5 file; tables and .mat files are written by `export_modes`."
         raise input_error("path", "save", "end in .h5 or .hdf5", f"is {path}", remedy)
+    if place.is_file() and not is_result(place):
+        raise input_error("path", "save", "be no file but a result", f"{path} holds something else", "Name another.")
     with atomic_path(path, of="save") as temporary:
         # In memory first: when a disk is full or goes away, HDF5 itself does not end with an error but with a crash.
         content = BytesIO()

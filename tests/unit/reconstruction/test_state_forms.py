@@ -434,3 +434,38 @@ def test_very_many_channels(exact):
     expected = back @ known.system.at(found.times) @ np.linalg.inv(back)
     assert_allclose(found.system, expected, atol=1e-4)
     assert found.system_std.max() < 1e-4
+
+
+# Sums of channels with constant weights.
+
+
+E = np.array([[0.5, 1.0], [1.0, -0.3]])
+SUMS = ["0.5*c0+c1", "c0 - 0.3*c1"]
+
+
+@pytest.mark.parametrize("powers", [(0, 0), (0, 2)])
+def test_sums_with_weights_are_a_change_of_coordinates(exact, oracle, powers):
+    known = exact("gyroscopic", derivatives(powers))
+    is_the_system(known, reconstruct(known.model, SUMS, harmonics=WHOLE, times=TIMES), np.kron(np.eye(2), E))
+
+
+def test_sums_are_states_of_first_order_too(exact):
+    known = exact("gyroscopic", [(tuple(row), 0) for row in np.eye(4)])
+    names = ["2*c0", "c1+1*c0", "c2", "c3"]
+    turned = np.eye(4)
+    turned[0, 0], turned[1, 0] = 2.0, 1.0
+    is_the_system(known, reconstruct(known.model, names, form="first-order", harmonics=WHOLE, times=TIMES), turned)
+
+
+@pytest.mark.parametrize(
+    ("states", "words"),
+    [
+        (["0.5*c0+c1", "c0+2*c1"], "must be independent combinations of channels, but only 1 of the 2 are"),
+        (["0.5*q+c1", "c0"], r"must be channels, or sums of them as 0.5\*X\+Y, but has '0.5\*q\+c1'"),
+        (["0.5**c0", "c1"], "must be channels, or sums of them"),
+    ],
+)
+def test_sums_that_are_none_are_refused(exact, states, words):
+    known = exact("gyroscopic", derivatives((0, 0)))
+    with pytest.raises(InputError, match=words):
+        reconstruct(known.model, states)

@@ -422,6 +422,14 @@ def test_a_name_that_promises_another_format_is_refused(full, tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_file_that_is_no_result_is_not_replaced(full, tmp_path):
+    record = tmp_path / "record.h5"
+    record.write_bytes(b"measured")
+    with pytest.raises(InputError, match=r"`path` of `save` must be no file but a result, but .* holds something else"):
+        save(full, record)
+    assert record.read_bytes() == b"measured"
+
+
 def test_a_folder_that_cannot_hold_the_file_is_refused(full, tmp_path):
     (tmp_path / "file").write_text("not a folder")
     for path in (tmp_path / "none" / "r.h5", tmp_path / "file" / "r.h5", tmp_path):

@@ -127,6 +127,20 @@ def _options(title: str, *groups: tuple[str, tuple[str, ...]], hidden: tuple[str
     return Parameter(name="*")(made)
 
 
+def _states(text: str, of: str) -> tuple[str, ...]:
+    """States by name, or sums with the weights of a CSV file: channels in its header, a state a row."""
+    path = Path(text)
+    if path.suffix.lower() != ".csv" or not path.is_file():
+        return split(text)
+    names, *rows = ([word.strip() for word in line.split(",")] for line in path.read_text("utf-8").splitlines() if line)
+    try:
+        weights = [[float(word) for word in row] for row in rows]
+        return tuple("+".join(f"{w!r}*{name}" for w, name in zip(row, names, strict=True) if w) for row in weights)
+    except ValueError:
+        must, remedy = "be a table of weights, a number for each channel in every row", "Its header names the channels."
+        raise input_error("--states", of, must, f"{path} is another", remedy) from None
+
+
 def given(options: object, of: str) -> dict[str, Any]:
     """The fields of `Choices` that were said, by name, with options of one of the classes here; `of` the command."""
     if options is None:
@@ -139,8 +153,8 @@ def given(options: object, of: str) -> dict[str, Any]:
         said["point"] = point_given(said["point"], of)
     for name in ("channels", "names", "inputs", "states"):
         if said.get(name) is not None:
-            said[name] = split(text := said[name])
-            if name == "inputs" and not said[name]:  # an empty variable of a shell would make a free response of it
+            said[name] = split(text := said[name]) if name != "states" else _states(text := said[name], of)
+            if not said[name]:  # an empty variable of a shell would have the record identified as another one
                 raise wrong_value(f"--{name}", of, "name a channel", text, "Name one, or leave it out.")
     return {name: value for name, value in said.items() if value is not None}
 

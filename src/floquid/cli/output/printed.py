@@ -123,7 +123,8 @@ def _print_reasons(console: Console, analysis: Analysis) -> None:
 def _print_record(console: Console, analysis: Analysis, speed_unit: SpeedUnit, *, verbose: bool) -> None:
     """Print the size of the records and what was done with them; with `verbose` all of it, and the noise."""
     first, model = analysis.records[0], analysis.model
-    samples = counted(f"{first.sample_rate * model.period:.6g}", "sample")
+    rates = list(dict.fromkeys(record.sample_rate for record in analysis.records))
+    samples = counted(", ".join(f"{rate * model.period:.6g}" for rate in rates), "sample")
     if analysis.decay is None:
         sides = f"{counted(len(analysis.inputs), 'input')} and " if analysis.inputs else ""
         sides += counted(len(model.channels), "output")
@@ -133,8 +134,8 @@ def _print_record(console: Console, analysis: Analysis, speed_unit: SpeedUnit, *
         periods = f"{', '.join(cycle_words(analysis))} periods"
     turn = f"; ω = {model.fundamental:.6g} rad/s" if verbose else ""
     console.print(
-        f"{counted(len(analysis.records), 'record')}, {sides} at {first.sample_rate:.8g} Hz{turn}: "
-        f"{samples} a period, {periods}."
+        f"{counted(len(analysis.records), 'record')}, {sides} at {', '.join(f'{rate:.8g}' for rate in rates)} Hz"
+        f"{turn}: {samples} a period, {periods}."
     )
     if not verbose:
         done = done_words(analysis, speed_unit, beside_lines=True)

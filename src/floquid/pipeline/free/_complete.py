@@ -21,7 +21,7 @@ from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import Again, Decay, model_failure, widened, widening, with_misfit, with_state
 from floquid.pipeline.free._find_poles import ALL_PEAKED
-from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step
+from floquid.pipeline.free._start import FLOORS, Lifting, Start, filled, out_of_step
 from floquid.preparation import Prepared, Settings, clocks_of, in_phase, uneven_speed, without_clock
 from floquid.sync import ShaftAngle, rejoin, resample, segment
 
@@ -76,7 +76,7 @@ def completed(
         shafts=shafts,
         findings=(
             *prepared.findings,
-            *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
+            *_believed(start.floor),
             *_rings(fitted, cycles),
             *_done(fitted, why_sampled(fitted, shafts), settings.periods_per_revolution),
             *fitted.warnings,  # causes, before what comes of them
@@ -218,6 +218,13 @@ def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...]) -> str:
 def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...]) -> bool:
     """True where the cycles hold all that was fitted: they are its samples, with no forced response beside them."""
     return fitted.forced is None and not why_sampled(fitted, shafts)
+
+
+def _believed(floor: float | None) -> tuple[Finding, ...]:
+    """The finding on a floor below which a record is not believed; a warning where modes that show may lie below."""
+    if floor is None:
+        return ()
+    return ((warning if floor == max(FLOORS) else note)("believed_down_to", floor=floor),)
 
 
 def _rings(fitted: Fit, cycles: Sequence[Cycles]) -> list[Finding]:

@@ -143,9 +143,9 @@ def order_too_low(order: int, choice: Choice) -> Finding | None:
     return warning("order_too_low", order=order, share=share) if share > 1.0 else None
 
 
-def quiet(lifted: Lifted) -> bool:
-    """True where the noise before any mode is fitted is so small that what modes leave is no noise."""
-    return bool((lifted.noise < QUIET * largest_values(lifted.responses.values, lifted.n_channels)).all())
+def quiet(lifted: Lifted, share: float) -> bool:
+    """True where the noise before any mode is fitted is below a share of the largest value of each channel."""
+    return bool((lifted.noise < share * largest_values(lifted.responses.values, lifted.n_channels)).all())
 
 
 COPIED = 0.04

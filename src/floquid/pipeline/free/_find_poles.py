@@ -102,7 +102,8 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
                     "poles, or a conjugate pair, which counts as two, would be halved. Ask for that order, or let it "
                     "be found."
                 )
-            kind = UnsettledError if modal.outcome is Outcome.NOT_WHITE else IdentificationError
+            endless = modal.outcome in (Outcome.NOT_WHITE, Outcome.TOO_FEW_SAMPLES)
+            kind = UnsettledError if endless else IdentificationError
             raise kind(f"Identification ended without a result: {words}")
         noise = _noise_left(lifted, modal, pooled=isinstance(identifier, Ensemble))
         again = lifted.with_noise(noise)

@@ -34,9 +34,9 @@ from floquid.preparation import (
 )
 from floquid.sync import ShaftAngle, resample, segment
 
-FLOORS = (QUIET, 10.0 * QUIET)
-"""Shares of a channel's largest value down to which a record that has hardly any noise is believed, one after another,
-where what modes leave is no noise."""
+FLOORS = (QUIET, 10.0 * QUIET, 100.0 * QUIET)
+"""Shares of a channel's largest value, above its noise, down to which a record is believed, one after another, where
+what modes leave is no noise."""
 
 SHORTEST = 0.25  # the share of a record that must be there in one piece for the rest to be left out of the start
 FAR = 0.05  # the wander of the shaft's angle [rad of the system] from which on lifting in angle makes modes of its own
@@ -129,7 +129,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     """The poles of the lifted responses beside their forced response."""
     settings, lifted = prepared.settings, cutting.lifted
     by_default = settings.identifier is None and settings.order is None and settings.constrained
-    floors = [None, *(floor for floor in FLOORS if by_default and quiet(lifted))]
+    floors = [None, *(floor for floor in FLOORS if by_default and quiet(lifted, floor))]
     until = time.process_time() + settings.seconds
     while True:
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
