@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices, Integers
-from floquid.fit import STEPS, Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
+from floquid.fit import ROUNDS, STEPS, Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block
 from floquid.periodic.least_squares._solver import (
@@ -316,15 +316,19 @@ class OneShape:
     def _first(self, hit: int) -> Block:
         return next(block for block in self.blocks if block.hit == hit)
 
-    def solved(self, *, at_rest: float = AT_REST, iterations: int = STEPS) -> OneShape:
-        """The least squares near this point."""
+    def solved(self, *, at_rest: float = AT_REST, iterations: int = STEPS, below: float = np.inf) -> OneShape:
+        """The least squares near this point; given up where the cost will not come `below` a value."""
         period = 2.0 * np.pi / self.entries.fundamental
+
+        def enough(at: OneShape, gains: list[float]) -> bool:
+            # The first steps may gain little: they are not yet the rate at which the cost falls.
+            return len(gains) > ROUNDS and at.cost - (iterations - len(gains)) * gains[-1] > below
 
         def limited(at: OneShape, step: Floats, _normal: Normal, _damping: float) -> Floats:
             longest = np.abs(step[: at.n_rates]).max(initial=0.0) * period
             return step * min(1.0, LONGEST_STEP / (longest + np.finfo(float).tiny))
 
-        steps = Steps(normal=lambda now: now.normal, moved=OneShape.moved, limited=limited)
+        steps = Steps(normal=lambda now: now.normal, moved=OneShape.moved, limited=limited, enough=enough)
         return levenberg_marquardt(self, steps, Ends(steps=iterations, deviations=at_rest))
 
     @cached_property

@@ -33,23 +33,29 @@ from floquid.periodic.search._peaks import strongest
 from floquid.search import GAP, LOOSE
 
 
-def several_shapes(start: OneShape, agrees: Callable[[OneShape], bool]) -> tuple[list[int], OneShape | None]:
+def several_shapes(
+    start: OneShape, agrees: Callable[[OneShape], bool], *, below: float = np.inf, most: float = np.inf
+) -> tuple[list[int], OneShape | None]:
     """The fit of the fewest modes of one multiplier by which the hits agree, and the entry of `start` that each is.
 
     None where the hits do not, or residues free in each hit have no more numbers. Two hits have two shapes of anything.
+    Where some have an exponent for each hit, it is one of those. A fit whose cost will not come `below` a value is
+    given up, and none has more than `most` entries.
     """
-    entries, places = np.flatnonzero(~start.entries.fixed).tolist(), list(range(len(start.entries.exponents)))
-    while True:
+    entries = list(start.apart) or np.flatnonzero(~start.entries.fixed).tolist()
+    places = list(range(len(start.entries.exponents)))
+    while len(places) < most:
         trials = [_repeated(start, [*places, entry]).with_states(steps=ROUNDS) for entry in entries]
         best = int(np.argmin([trial.cost for trial in trials]))
         places = [*places, entries[best]]
         if not _fewer(start, entries[best], places.count(entries[best])):
             return places, None
-        fit = trials[best].with_states().solved()
+        fit = trials[best].with_states().solved(below=below)
         if not stays(fit, start.entries.exponents[places]):
             return places, None
         if agrees(fit):
             return places, fit
+    return places, None
 
 
 def _fewer(start: OneShape, entry: int, count: int) -> bool:
@@ -366,11 +372,15 @@ def _energies(result: SearchResult) -> Floats:
 
 def _explained(start: OneShape, result: SearchResult, other: OneShape | None, false_alarm: float) -> bool:
     """True where fewer modes than the `other` fit has, with shapes that the hits share, explain the samples."""
-    most = len((result.solution if other is None else other).entries.exponents)
+    free = result.solution.entries
+    most = len((free if other is None else other.entries).exponents) - 1
+    degrees = degrees_of(start, free)
+    limit = result.solution.cost + chi2_limit(max(degrees, 1), false_alarm)
 
     def agrees(trial: OneShape) -> bool:
         # A shape of one number is that of any mode.
-        fewer = len(trial.entries.exponents) < most and degrees_of(trial, result.solution.entries) > 0
-        return fewer and agreement(trial, result) > false_alarm
+        return degrees_of(trial, free) > 0 and agreement(trial, result) > false_alarm
 
-    return agrees(start.solved()) or several_shapes(start, agrees)[1] is not None
+    if degrees <= 0 or len(start.entries.exponents) > most:
+        return False
+    return agrees(start.solved(below=limit)) or several_shapes(start, agrees, below=limit, most=most)[1] is not None
