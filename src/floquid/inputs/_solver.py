@@ -32,6 +32,7 @@ from floquid.fit import (
     scaled_inverse,
     schwarz,
 )
+from floquid.inputs._carried import Carried, carried, in_precision
 from floquid.inputs._modes import InputMode, directed, state_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._slopes import slopes_in_parts
@@ -222,14 +223,6 @@ def _modulated(turned: Complexes, inputs: Floats, turning: bool) -> Floats:
     return np.concatenate([both.real, -both.imag]) if turning else both.real
 
 
-def carried(samples: Samples, shape: Complexes, turns: Sequence[float]) -> Complexes:
-    """The shape of a mode over the samples: amplitudes (…, turns) at harmonics (…, samples)."""
-    found = np.empty((*shape.shape[:-1], samples.n_samples), complex)
-    for own, part in samples.in_parts(4 * len(turns)):
-        found[..., own] = part.kept(shape @ np.array([part.turned(turn) for turn in turns]))
-    return found
-
-
 def slopes_of(
     samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray], weight: float = 1.0
 ) -> NDArray:
@@ -269,21 +262,29 @@ def normal_equations(samples: Samples, at: Linearisation, *, rough: bool = False
     of_columns = np.sqrt(np.einsum("kk->k", at.inverse))
     of_columns = np.where(of_columns > 0.0, of_columns, 1.0)  # of an input that is silent there is nothing
     number = np.float32 if rough else np.float64
-    matrix, gradient = np.zeros((len(scale), len(scale))), np.zeros(len(scale))
-    along = np.zeros((len(samples.values), len(scale), len(of_columns)))
+    free = np.flatnonzero(np.concatenate([np.zeros(0, bool), *at.free]))
+    whole = len(np.concatenate([np.zeros(0, bool), *at.free]))
+    matrix, gradient = np.zeros((whole, whole)), np.zeros(whole)
+    along = np.zeros((len(samples.values), whole, len(of_columns)))
+    places = np.cumsum([0, *map(len, at.free)])
     for part in slopes_in_parts(samples, at.modes, at.states, numbers_of(at)):
         here = part.alone
-        states = [
-            (own.T / size).T.astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
-            for own, size in zip(here.rows, sizes, strict=True)
+        turning = [
+            Carried.of(here.samples, mode, at.shape(place) / at.noise, in_precision(rows.T / size, number).T)
+            for place, (mode, rows, size) in enumerate(zip(at.modes, here.rows, sizes, strict=True))
         ]
         columns = (at.columns.of(here.samples, part.own) * of_columns[:, None]).astype(number)
         left = (at.left[:, part.own] / at.noise[:, None]).astype(number)
-        for channel, taken in enumerate(along):
-            slopes = slopes_of(here.samples, at, channel, states, 1.0 / at.noise[channel])
-            taken += slopes @ columns.T
-            matrix += slopes @ slopes.T
-            gradient += slopes @ left[channel]
+        for first, one in enumerate(turning):
+            own = slice(places[first], places[first + 1])
+            gradient[own] += one.of_parts(one.products(np.einsum("cst,ct->st", one.carried, left)))
+            along[:, own] += one.of_parts(one.with_columns(columns), axis=1)
+            for second in range(first, len(turning)):
+                block = one.squares(turning[second])
+                other = slice(places[second], places[second + 1])
+                matrix[own, other] += block
+                matrix[other, own] += block.T if second > first else 0.0
+    matrix, gradient, along = matrix[np.ix_(free, free)], gradient[free], along[:, free]
     inverse = at.inverse / np.outer(of_columns, of_columns)
     for taken in along:
         matrix -= taken @ inverse @ taken.T

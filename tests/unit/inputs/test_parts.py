@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.unit.inputs.test_states import OMEGA, STEP, block, mode
 
-from floquid.inputs import linearise, samples_of
+from floquid.inputs import linearise, samples_of, slopes_in_parts, slopes_of
 from floquid.inputs._solver import columns_of, normal_equations
 from floquid.inputs._start import bare_mode, fitted_together
 from floquid.inputs.search import Scores, passed
@@ -104,3 +104,28 @@ def test_rounding_of_the_period_adds_no_harmonic():
     none = np.zeros((0, 28))
     of = samples_of([np.ones((1, 28))], [none], [0.0], step=1.0 / (14.0 / 0.3), fundamental=2.0 * np.pi / 0.3)
     assert of.highest == 6
+
+
+@pytest.mark.parametrize("channels", [1, 2, 9])
+@pytest.mark.parametrize("rough", [False, True])
+@pytest.mark.parametrize("name", MODES)
+def test_normal_equations_are_those_of_the_slopes_of_each_channel(name, rough, channels):
+    own = samples()
+    mixed = np.random.default_rng(3).standard_normal((channels, len(own.values))) @ own.values
+    own = replace(own, values=mixed)
+    modes = [MODES[name], replace(mode(), exponent=-0.1 + 0.3j)]
+    at = linearise(own, [with_two_records(each) for each in modes], (0.0,))
+    found = normal_equations(own, at, rough=rough)
+    matrix, gradient, along = 0.0, 0.0, 0.0
+    for part in slopes_in_parts(own, at.modes, at.states, 1):
+        here, columns = part.alone, at.columns.of(part.alone.samples, part.own)
+        each = np.stack([slopes_of(here.samples, at, c, here.rows, 1.0 / noise) for c, noise in enumerate(at.noise)])
+        along = along + each @ columns.T
+        matrix = matrix + np.einsum("cpt,cqt->pq", each, each)
+        gradient = gradient + np.einsum("cpt,ct,c->p", each, at.left[:, part.own], 1.0 / at.noise)
+    size = np.sqrt(np.diag(matrix))
+    matrix = matrix - np.einsum("cpk,kl,cql->pq", along, at.inverse, along)
+    close = 1e-4 if rough else 1e-11
+    np.testing.assert_allclose(found.matrix / np.outer(size, size), matrix / np.outer(size, size), atol=close)
+    np.testing.assert_allclose(found.gradient / size, gradient / size, atol=close * np.abs(gradient / size).max())
+    np.testing.assert_allclose(found.along, along, atol=close * np.abs(along).max())

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from floquid._arrays import BLOCK, Complexes, Floats, Mask
 from floquid.fit import HALF_DIGITS, ROUNDING, chi2_limit, inverse_root, score_gain, wald_rise
+from floquid.inputs._carried import carried
 from floquid.inputs._modes import InputMode, followed
 from floquid.inputs._samples import Samples
 from floquid.inputs._slopes import slopes_in_parts
-from floquid.inputs._solver import Linearisation, carried, columns_at, normal_equations, numbers_of, scale_of, slopes_of
+from floquid.inputs._solver import Linearisation, columns_at, normal_equations, numbers_of, scale_of, slopes_of
 from floquid.inputs.search._structure import Limits
 
 Group = Callable[[Samples, slice], Floats]
