@@ -1,4 +1,4 @@
-"""What carries derivatives of states to the channels: sums over channels and samples without slopes of each channel."""
+"""Derivatives of states carried to the channels: sums over channels and samples without the slopes of each channel."""
 
 from __future__ import annotations
 
