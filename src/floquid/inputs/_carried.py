@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from floquid._arrays import Complexes, Floats
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
+
+if TYPE_CHECKING:
+    from floquid.inputs._solver import Linearisation
 
 
 def carried(samples: Samples, shape: Complexes, turns: Sequence[float]) -> Complexes:
@@ -24,6 +28,16 @@ def carried(samples: Samples, shape: Complexes, turns: Sequence[float]) -> Compl
 def in_precision(values: NDArray, number: type) -> NDArray:
     """The values in a precision, complex ones as complex numbers."""
     return values.astype(np.result_type(number, 1j) if np.iscomplexobj(values) else number)
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A part of the samples, with what is multiplied there."""
+
+    samples: Samples
+    rows: Sequence[NDArray]  # derivatives of the state of each mode (parts, [states,] samples)
+    columns: NDArray  # (columns, samples)
+    left: NDArray  # the residual over the noise (channels, samples)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,3 +92,26 @@ class Carried:
         if len(carrying) <= len(waves):
             waves, shares = carrying, np.repeat(np.eye(len(carrying))[..., None], mode.states, axis=2)
         return Carried(rows.reshape(len(rows), mode.states, -1), carrying, waves, shares, mode.real)
+
+
+def of_all_channels(pieces: Iterable[Piece], at: Linearisation) -> tuple[Floats, Floats, Floats]:
+    """Sums of products of slopes with one another, the residual and columns, all channels together."""
+    places = np.cumsum([0, *map(len, at.free)])
+    free, whole = np.flatnonzero(np.concatenate(at.free)), int(places[-1])
+    matrix, gradient = np.zeros((whole, whole)), np.zeros(whole)
+    along = np.zeros((len(at.noise), whole, len(at.inverse)))
+    for piece in pieces:
+        carrying = [
+            Carried.of(piece.samples, mode, at.shape(place) / at.noise, rows)
+            for place, (mode, rows) in enumerate(zip(at.modes, piece.rows, strict=True))
+        ]
+        for first, one in enumerate(carrying):
+            own = slice(places[first], places[first + 1])
+            gradient[own] += one.of_parts(one.products(np.einsum("cst,ct->st", one.carried, piece.left)))
+            along[:, own] += one.of_parts(one.with_columns(piece.columns), axis=1)
+            for second in range(first, len(carrying)):
+                block = one.squares(carrying[second])
+                other = slice(places[second], places[second + 1])
+                matrix[own, other] += block
+                matrix[other, own] += block.T if second > first else 0.0
+    return matrix[np.ix_(free, free)], gradient[free], along[:, free]

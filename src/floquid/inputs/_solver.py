@@ -32,7 +32,7 @@ from floquid.fit import (
     scaled_inverse,
     schwarz,
 )
-from floquid.inputs._carried import Carried, carried, in_precision
+from floquid.inputs._carried import Piece, carried, in_precision, of_all_channels
 from floquid.inputs._modes import InputMode, directed, state_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._slopes import slopes_in_parts
@@ -262,33 +262,35 @@ def normal_equations(samples: Samples, at: Linearisation, *, rough: bool = False
     of_columns = np.sqrt(np.einsum("kk->k", at.inverse))
     of_columns = np.where(of_columns > 0.0, of_columns, 1.0)  # of an input that is silent there is nothing
     number = np.float32 if rough else np.float64
-    free = np.flatnonzero(np.concatenate([np.zeros(0, bool), *at.free]))
-    whole = len(np.concatenate([np.zeros(0, bool), *at.free]))
-    matrix, gradient = np.zeros((whole, whole)), np.zeros(whole)
-    along = np.zeros((len(samples.values), whole, len(of_columns)))
-    places = np.cumsum([0, *map(len, at.free)])
-    for part in slopes_in_parts(samples, at.modes, at.states, numbers_of(at)):
-        here = part.alone
-        turning = [
-            Carried.of(here.samples, mode, at.shape(place) / at.noise, in_precision(rows.T / size, number).T)
-            for place, (mode, rows, size) in enumerate(zip(at.modes, here.rows, sizes, strict=True))
-        ]
-        columns = (at.columns.of(here.samples, part.own) * of_columns[:, None]).astype(number)
-        left = (at.left[:, part.own] / at.noise[:, None]).astype(number)
-        for first, one in enumerate(turning):
-            own = slice(places[first], places[first + 1])
-            gradient[own] += one.of_parts(one.products(np.einsum("cst,ct->st", one.carried, left)))
-            along[:, own] += one.of_parts(one.with_columns(columns), axis=1)
-            for second in range(first, len(turning)):
-                block = one.squares(turning[second])
-                other = slice(places[second], places[second + 1])
-                matrix[own, other] += block
-                matrix[other, own] += block.T if second > first else 0.0
-    matrix, gradient, along = matrix[np.ix_(free, free)], gradient[free], along[:, free]
+
+    def pieces() -> Iterator[Piece]:
+        for part in slopes_in_parts(samples, at.modes, at.states, numbers_of(at)):
+            here = part.alone
+            rows = [in_precision(own.T / size, number).T for own, size in zip(here.rows, sizes, strict=True)]
+            columns = (at.columns.of(here.samples, part.own) * of_columns[:, None]).astype(number)
+            yield Piece(here.samples, rows, columns, (at.left[:, part.own] / at.noise[:, None]).astype(number))
+
+    # Slopes of each channel cost as many products as there are channels, and sums without them as two modes each.
+    sums = of_all_channels if len(at.noise) > 2 * len(at.modes) > 0 else _by_channel
+    matrix, gradient, along = sums(pieces(), at)
     inverse = at.inverse / np.outer(of_columns, of_columns)
     for taken in along:
         matrix -= taken @ inverse @ taken.T
     return Equations(matrix * np.outer(scale, scale), gradient * scale, along * scale[:, None] / of_columns)
+
+
+def _by_channel(pieces: Iterator[Piece], at: Linearisation) -> tuple[Floats, Floats, Floats]:
+    """Sums of products of slopes with one another, the residual and columns, from the slopes of each channel."""
+    size = sum(int(own.sum()) for own in at.free)
+    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    along = np.zeros((len(at.noise), size, len(at.inverse)))
+    for piece in pieces:
+        for channel, taken in enumerate(along):
+            slopes = slopes_of(piece.samples, at, channel, piece.rows, 1.0 / at.noise[channel])
+            taken += slopes @ piece.columns.T
+            matrix += slopes @ slopes.T
+            gradient += slopes @ piece.left[channel]
+    return matrix, gradient, along
 
 
 def numbers_of(at: Linearisation) -> int:
