@@ -1,21 +1,14 @@
-"""Every modal identifier through the same laws: one table, on noise-free decays of known poles.
-
-Ours, other people's, and the one of the page «Bring your own identifier».
-"""
+"""Every modal identifier through the same laws: one table, on noise-free decays of known poles."""
 
 import copy
 import dataclasses
 import functools
 import inspect
 import typing
-from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.peers.adapters import BOPDMD, PyOMA2SSI, SdypyLSCF
 from benchmarks.truth import cramer_rao_bound
-from markdown_it import MarkdownIt
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linear_sum_assignment
 
@@ -49,63 +42,20 @@ TABLE = {
     "PolyLSCF, then ML": MaximumLikelihood(initial=PolyLSCF()),
 }
 IDENTIFIERS = list(TABLE.values())
-
-PAGE = Path(__file__).parents[2] / "docs" / "own_identifier.md"
-
-
-def cells(page):
-    """The visible code cells of a page that the build executes."""
-    tokens = MarkdownIt("commonmark").parse(page.read_text(encoding="utf-8"))
-    return [t.content for t in tokens if t.type == "fence" and t.info == "{code-cell} python" and t.content[0] != ":"]
-
-
-def matrix_pencil():
-    """The identifier that the page defines in its first cell."""
-    names = {"__name__": "page"}
-    exec(cells(PAGE)[0], names)
-    return names["MatrixPencil"]
-
-
-PACKAGES = {BOPDMD: "pydmd", SdypyLSCF: "sdypy.EMA", PyOMA2SSI: "pyoma2.functions.ssi"}
-ADAPTERS = {
-    "BOPDMD": BOPDMD(),
-    "SdypyLSCF": SdypyLSCF(),
-    "PyOMA2SSI, cov": PyOMA2SSI(),
-    "PyOMA2SSI, dat": PyOMA2SSI(method="dat"),
-}
-OTHERS = {**ADAPTERS, "of the page": matrix_pencil()()}
-
-
-def present(kind):
-    """Whether its package is there, found without importing it."""
-    return kind not in PACKAGES or find_spec(PACKAGES[kind].split(".")[0]) is not None
-
-
-def needs_package(identifier):
-    """What leaves a test out where the package of an identifier is not installed."""
-    kind = type(identifier)
-    return pytest.mark.skipif(not present(kind), reason=f"{PACKAGES.get(kind)} is in the dependency group `peers`")
-
-
-WITHOUT_COVARIANCE = (ERA, LSCF, PolyLSCF, *map(type, OTHERS.values()))
+WITHOUT_COVARIANCE = (ERA, LSCF, PolyLSCF)
 TWICE = {"AMI, any rank", "AMI, then ML", "LSCF, then ML", "PolyLSCF, any rank"}
 """Each identifier takes part, and a start of each kind for ML: other options have a turn with the slow tests."""
 
 
-def each(*slow, others=OTHERS):
+def each(*slow):
     """All identifiers; those that are named `slow` here, whose law others show in less time, with the slow tests."""
-    marked = {name: [pytest.mark.slow] * (name in {*TWICE, *slow}) for name in TABLE}
-    marked |= {name: [needs_package(own)] for name, own in others.items()}
+    marks = {name: [pytest.mark.slow] * (name in {*TWICE, *slow}) for name in TABLE}
     return pytest.mark.parametrize(
-        "identifier", [pytest.param(own, id=name, marks=marked[name]) for name, own in {**TABLE, **others}.items()]
+        "identifier", [pytest.param(own, id=name, marks=marks[name]) for name, own in TABLE.items()]
     )
 
 
 EVERY = each()
-EVERY_CHECKED = each(others=ADAPTERS)
-"""But for the one of the page, whose orders are refused in words of its own."""
-
-OWN = each(others={})
 DECIDES = pytest.mark.parametrize("identifier", [i for i in IDENTIFIERS if i.decides])
 DOES_NOT = pytest.mark.parametrize("identifier", [i for i in IDENTIFIERS if not i.decides])
 
@@ -120,10 +70,8 @@ SETS = {
 EVERY_SET = pytest.mark.parametrize(
     ("identifier", "multipliers"),
     [
-        pytest.param(
-            own, own_set, id=f"{name}-{kind}", marks=[needs_package(own), *[pytest.mark.slow] * (name in TWICE or long)]
-        )
-        for name, own in {**TABLE, **OTHERS}.items()
+        pytest.param(own, own_set, id=f"{name}-{kind}", marks=[pytest.mark.slow] * (name in TWICE or long))
+        for name, own in TABLE.items()
         for kind, own_set in SETS.items()
         for long in [(name, kind) == ("AMI", "mixed")]  # more than all others together, of kinds that it meets alone
     ],
@@ -187,7 +135,6 @@ def test_it_is_a_final_frozen_object_with_its_options_as_fields(identifier):
     assert kind.__bases__ == (AbstractIdentifier,)
     assert getattr(kind, "__final__", False), "mark it @typing.final"
     assert typing.get_type_hints(kind)
-    assert dataclasses.fields(identifier)
     for field in dataclasses.fields(identifier):
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(identifier, field.name, None)
@@ -236,7 +183,7 @@ def test_an_order_that_the_data_hold_is_reached(identifier, order):
     assert farthest(found.multipliers, full) < 1e-10
 
 
-@EVERY_CHECKED
+@EVERY
 @pytest.mark.first(3)
 @pytest.mark.parametrize("order", [1, 3, 5, 2, 4])
 def test_the_outcome_says_whether_the_order_was_reached(identifier, order):
@@ -273,7 +220,7 @@ def test_what_does_not_decide_refuses_to(identifier):
         identifier.extract(state)
 
 
-@EVERY_CHECKED
+@EVERY
 @pytest.mark.parametrize("wrong", [0, -2, 80, 81, 2.0, True, "2"])
 def test_an_order_that_is_no_order_is_refused(identifier, wrong):
     state = identifier.prepare(decays(SETS["pair"])[2])
@@ -342,19 +289,13 @@ def test_samples_beyond_an_inputs_length_are_not_looked_at(identifier, lengths):
 @EVERY
 @pytest.mark.parametrize(
     ("outputs", "inputs", "samples"),
-    [(1, 1, 80), (1, 3, 40), (3, 1, 6), (50, 1, 6), (100, 4, 12), (2, 1, 1000)],
+    [(1, 1, 80), (1, 3, 40), (1, 1, 6), (3, 1, 6), (50, 1, 6), (100, 4, 12), (2, 1, 1000)],
 )
 def test_every_shape_of_data(identifier, outputs, inputs, samples):
     full, _, data = decays(SETS["pair"], outputs=outputs, inputs=inputs, samples=samples)
     found = identified(identifier, data, full)
     assert found.residues.shape == (2, outputs, inputs)
     assert farthest(found.multipliers, full) < 1e-10
-
-
-@OWN
-def test_six_samples_of_one_output(identifier):
-    """Too few for a Hankel matrix of subspace identification, whose outcome says so."""
-    test_every_shape_of_data(identifier, 1, 1, 6)
 
 
 @EVERY
