@@ -108,14 +108,14 @@ def as_they_are(channels: Sequence[Channel], states: Names, *, of: str = OF) -> 
 def _sum_of(entry: str, channels: Sequence[Channel], of: str) -> State:
     """The state of a sum of channels with constant weights."""
     names = sorted((channel.name for channel in channels), key=len, reverse=True)
-    term = rf"\s*([+-]?)\s*(?:({NUMBER})\s*\*\s*)?({'|'.join(map(re.escape, names))})\s*"
-    if not re.fullmatch(f"(?:{term})+", entry):
+    weighed = rf"\s*(?:({NUMBER})\s*\*\s*)?({'|'.join(map(re.escape, names))})\s*"
+    if not re.fullmatch(f"[+-]?{weighed}(?:[+-]{weighed})*", entry):
         listing = f"The channels are: {', '.join(channel.name for channel in channels)}."
         raise input_error("states", of, "be channels, or sums of them as 0.5*X+Y", f"has {entry!r}", listing)
     place = {channel.name: row for row, channel in enumerate(channels)}
     parts = tuple(
         Part(place[name], (-1.0 if sign == "-" else 1.0) * float(gain or 1.0))
-        for sign, gain, name in re.findall(term, entry)
+        for sign, gain, name in re.findall(f"([+-]?){weighed}", entry)
     )
     return State(entry.replace(" ", ""), parts)
 

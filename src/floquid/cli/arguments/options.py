@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass, replace
@@ -132,10 +133,12 @@ def _states(text: str, of: str) -> tuple[str, ...]:
     path = Path(text)
     if path.suffix.lower() != ".csv" or not path.is_file():
         return split(text)
-    names, *rows = ([word.strip() for word in line.split(",")] for line in path.read_text("utf-8").splitlines() if line)
     try:
+        with path.open(encoding="utf-8-sig", newline="") as table:
+            names, *rows = filter(None, csv.reader(table, skipinitialspace=True))
         weights = [[float(word) for word in row] for row in rows]
-        return tuple("+".join(f"{w!r}*{name}" for w, name in zip(row, names, strict=True) if w) for row in weights)
+        each = [zip(row, names, strict=True) for row in weights]
+        return tuple("+".join(f"{weight!r}*{name.strip()}" for weight, name in pairs if weight) for pairs in each)
     except ValueError:
         must, remedy = "be a table of weights, a number for each channel in every row", "Its header names the channels."
         raise input_error("--states", of, must, f"{path} is another", remedy) from None

@@ -291,11 +291,12 @@ class OneShape:
 
     def at_exponents(self, start: tuple[Floats, ...] | None = None) -> OneShape:
         """The fit with the sums of its samples at its exponents, `start` being first values of coefficients."""
-        first = start or (None,) * len(self.blocks)
-        each = zip(self.blocks, first, strict=True)
-        linear = [
-            eliminated([block], self.of_hit(block.hit), None if own is None else (own,))[0] for block, own in each
-        ]
+        if not self.apart:
+            return replace(self, linear=tuple(eliminated(self.blocks, self.entries, start)))
+        linear = []
+        for place, block in enumerate(self.blocks):
+            first = None if start is None else start[place : place + 1]
+            linear += eliminated([block], self.of_hit(block.hit), first)
         return replace(self, linear=tuple(linear))
 
     def with_exponents_of_hits(self, entry: int, steps: Complexes) -> OneShape:
