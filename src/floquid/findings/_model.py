@@ -142,13 +142,15 @@ def _unlike(
     probability: float,
     torn: bool = False,
 ) -> str:
-    gap = max(max(decays) - min(decays), tau * (max(frequencies) - min(frequencies)))
+    gap, real = max(max(decays) - min(decays), tau * (max(frequencies) - min(frequencies))), len(set(frequencies)) == 1
+    turning = [f"has {resolved(alone, 5, gap / tau)} Hz and " for alone in frequencies]
     each = [
-        f"hit {hit} has {resolved(alone, 5, gap / tau)} Hz and decays by {resolved(decay, 4, gap)} 1/s"
-        for hit, decay, alone in zip(hits, decays, frequencies, strict=True)
+        f"hit {hit} {'' if real else turns}decays by {resolved(decay, 4, gap)} 1/s"
+        for hit, turns, decay in zip(hits, turning, decays, strict=True)
     ]
     return (
-        f"The hits disagree on the mode at {frequency:.4g} Hz (by chance: {_chance(probability)}): {'; '.join(each)}. "
+        f"The hits disagree on the {'real multiplier' if real else 'mode'} at {frequency:.4g} Hz "
+        f"(by chance: {_chance(probability)}): {'; '.join(each)}. "
         + ("No exponent fits all. " if torn else "Its deviation covers both. ")
         + "It may depend on the strength of the blow, or the machine may have changed in between. Identify each hit "
         "alone and compare."

@@ -125,14 +125,29 @@ def with_odd_hits(drawn, slower, steps):
     return [other.records(0)[hit] for hit, other in enumerate(each)]
 
 
-@pytest.mark.parametrize("steps", [(0.0, 0.03, 0.06, -0.03), (0.0, 0.0, 0.0, 0.04)])
-def test_a_real_multiplier_that_differs_between_hits_does_not_pass_as_two(steps):
-    """They were -0.183 and -0.287, and passed: what no exponent of all hits fits became a pair near the axis."""
+def with_a_real_one(steps):
+    """Four hits on a real multiplier, whose decay differs by `steps`, and a pair."""
     drawn = Hits.drawn([-0.25, -0.3 + 2.0j], 4, 30, noise=0.01)
     generator = np.random.default_rng(0)
     states = generator.standard_normal((2, 4)) + 1j * generator.standard_normal((2, 4))
-    drawn = replace(drawn, states=states / np.abs(states))
-    assert not identify(with_odd_hits(drawn, [1.0, 0.0], steps)).passed
+    return identify(with_odd_hits(replace(drawn, states=states / np.abs(states)), [1.0, 0.0], steps))
+
+
+def test_a_real_multiplier_that_differs_between_hits_does_not_pass_as_two():
+    """They were -0.183 and -0.287, and passed: what no exponent of all hits fits became a pair near the axis."""
+    assert not with_a_real_one((0.0, 0.03, 0.06, -0.03)).passed
+
+
+def test_a_real_multiplier_that_differs_in_one_hit_is_one():
+    """It passed as two."""
+    found = with_a_real_one((0.0, 0.0, 0.0, 0.04))
+    assert found.model.order == 3
+    (failed,) = (finding for finding in found.findings if finding.code == "hits_unlike")
+    assert failed.severity.value == "failure"
+    assert "disagree on the real multiplier at 0 Hz" in str(failed)
+    assert "0 Hz and" not in str(failed)
+    assert failed.numbers["decays"] == pytest.approx([0.25, 0.21], rel=0.02)
+    assert "one_shape" not in told(found)  # which says that hits differ in their first state only
 
 
 @pytest.mark.parametrize("step", [pytest.param(0.03, marks=pytest.mark.slow), 0.08])

@@ -175,7 +175,9 @@ def with_one_shape(
     """
     entries = result.solution.entries
     hits = {block.hit for block in result.blocks}
-    if len(hits) < 2 or result.as_read or not (~entries.fixed).any():
+    # Where exponents are far apart between hits, so are the shapes at one exponent of all.
+    torn = any(each.torn for each in result.unlike)
+    if len(hits) < 2 or torn or result.as_read or not (~entries.fixed).any():
         return result
     with suppress(IdentificationError, np.linalg.LinAlgError):
         start, bands = OneShape.at(result.blocks, entries, result.solution.linear), result.bands
@@ -189,9 +191,6 @@ def with_one_shape(
             misfit = misfit_of_all(result.blocks, result.residuals)
             told = stays(shared, entries.exponents) and not _lost(shared, result.solution).any()
             return replace(result, one=shared, bands=bands, misfit=misfit) if told else result
-        # Where exponents are far apart between hits, so are the shapes at one exponent of all.
-        if any(each.torn for each in result.unlike):
-            return result
         several = _with_several_shapes(start, result, probability, false_alarm, order)
         # Of hardly any noise, a weak nonlinearity is a disagreement, and no shapes that hits share explain it.
         quiet = all((block.noise < QUIET * block.largest).all() for block in result.blocks)
